@@ -5,11 +5,9 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --no-compile
 # More than the cores of a small machine: much of the time the tests wait for browsers and servers.
 PYTEST_WORKERS ?= 4
-# What keeps its words: past releases, the page about these words, and tests, whose names grew with them.
-NOT_WORDS := .ci/words.txt,./CHANGELOG.md,./docs/decisions/0021*,./tests,./training/kept,$(shell sed -n '/^\[tool.codespell\]/,/^$$/s/^skip = "\(.*\)"/\1/p' pyproject.toml)
-# Set on some machines and in many images, it makes every process compile its imports again: 10 s instead of 2.
+# Where this variable is set (in many images), every process compiles its imports again: 10 s instead of 2.
 unexport PYTHONDONTWRITEBYTECODE
-# Alone and first, so that pip takes the build that suits the machine and not what another package would draw in.
+# Installed first and alone: with other packages, pip might choose a build that does not suit the machine.
 TORCH := $(shell sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
 
 .PHONY: help setup serve test test-slow bench audit gallery docs lint format system clean
@@ -42,7 +40,6 @@ lint: .venv/.test
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/codespell
-	$(BIN)/codespell --dictionary .ci/words.txt --skip "$(NOT_WORDS)"
 	$(BIN)/mypy
 	$(BIN)/mypy --package docs.generate
 	@.ci/lint-scripts
@@ -52,16 +49,15 @@ format: .venv/.test
 	$(BIN)/ruff format
 	@.ci/lint-scripts format
 
-# The faults at their full number (a thousand kills, an hour of soak) take hours, and all cells of foresight take ten
-# minutes or more: python benchmarks/faults.py, python benchmarks/foresight.py.
-# All of them run, also after one that fails.
+# Quick forms; the full ones take hours (benchmarks/faults.py: a thousand kills, an hour of soak) or more than ten minutes
+# (benchmarks/foresight.py). A failure does not stop the others.
 bench: .venv/.test
 	@failed=; for script in benchmarks/*.py; do echo "== $$script"; \
 	  case $$script in */faults.py|*/foresight.py|*/fit_*.py) quick=--quick ;; *) quick= ;; esac; \
 	  $(BIN)/python $$script $$quick $(ARGS) || failed="$$failed $$script"; done; \
 	  test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 
-# A whole simulated study with pictures of it: minutes. ARGS="--participants 6" for a taste.
+# A whole simulated study with pictures of it: minutes. ARGS="--participants 6" for a quick one.
 gallery: .venv/.test system
 	@$(BIN)/python tests/e2e/take_gallery.py $(ARGS)
 
@@ -70,7 +66,7 @@ docs: .venv/.docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "Open build/site/index.html"
 
-# Asks PyPI about known weaknesses of what is installed: needs the network, so it is no part of the tests.
+# Asks PyPI about known vulnerabilities of what is installed: needs the network, so it is not part of the tests.
 audit: .venv/.test
 	@$(PIP) --upgrade pip  # not ours to pin, and often all that is found
 	@$(BIN)/pip-audit --skip-editable $(ARGS)
@@ -83,7 +79,7 @@ clean:
 	rm -rf .venv node_modules build *.egg-info
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-# The stamps make a second call cost nothing.
+# The stamp files make a second call free.
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "kitchenmind needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version 2>&1 || echo missing)." >&2; \
@@ -116,9 +112,9 @@ clean:
 	@$(PIP) --editable ".[training,analysis,test]"
 	@touch $@
 
-# Once, and not by every worker of the tests at the same time: the bytecode of all that they import, and the kernels of
-# the game, of simulated participants, of the transformers and of training. What fails here fails again in the tests,
-# which say it.
+# Compile once, not in every worker of the tests at the same time: the bytecode of all imports, and the kernels of the
+# game, of simulated participants, of the transformers and of training. Failures here fail again in the tests, which
+# report them.
 .venv/.compiled: .venv/.test
 	@echo "Compiling what the tests load (a minute, once) ..."
 	@{ $(BIN)/python -m pytest --collect-only; \

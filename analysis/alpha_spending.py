@@ -16,7 +16,7 @@ from analysis.mixed_model_fit import Array
 
 SPENDING = ("obrien_fleming", "pocock")
 NODES = 400  # of the grid
-FARTHEST = 8.0  # standard deviations beyond which a boundary is not told
+FARTHEST = 8.0  # standard deviations beyond which a boundary is not computed
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def _nodes() -> tuple[Array, Array]:
 
 
 def _cut(grid: Array, mass: Array, step: float, target: float, two_sided: bool, farthest: float) -> float:
-    """The boundary of the sum that is crossed in the next step with the target probability."""
+    """Return the boundary of the sum that is crossed in the next step with the target probability."""
 
     def excess(cut: float) -> float:
         beyond = special.ndtr((grid - cut) / step)

@@ -33,7 +33,7 @@ from analysis.study import Analysis
 
 
 def findings(analysis: Analysis) -> list[str]:
-    """The two or three lines at the top of the report."""
+    """Return the two or three lines at the top of the report."""
     effects = select(analysis.rows, section=SECTION, question="")
     has_blocks = any(row.note.startswith(WITHIN) for row in select(effects, test="anova"))
     # With blocks, conditions are orders of blocks, whose comparison is not the main question.
@@ -72,7 +72,7 @@ def _size(analysis: Analysis) -> str:
 
 
 def _main_tests(analysis: Analysis) -> list[Result]:
-    """The tests over people per layout and agent of the comparison that the study is about."""
+    """Return the tests over people per layout and agent of the comparison that the study is about."""
     if analysis.contrast is None:
         return []
     contrast = " - ".join(analysis.contrast)
@@ -107,7 +107,7 @@ def _counted(analysis: Analysis, tests: Sequence[Result], found: Sequence[Result
 
 
 def _dependent(analysis: Analysis, column: str) -> bool:
-    """True if the difference of the main comparison depends on the layout or agent."""
+    """Return true if the difference of the main comparison depends on the layout or agent."""
     return any(significant(row) for row in with_p(select(analysis.rows, test=f"contrast_by_{column}")))
 
 
@@ -229,7 +229,7 @@ def _mixed(analysis: Analysis) -> str:
 
 
 def _depends(analysis: Analysis) -> str:
-    """Whether one difference describes all layouts and agents."""
+    """Return whether one difference describes all layouts and agents."""
     made = []
     for column in ("layout", "agent"):
         for row in with_p(select(analysis.rows, section="reward", test=f"contrast_by_{column}")):
@@ -240,7 +240,7 @@ def _depends(analysis: Analysis) -> str:
 
 
 def _questionnaire(analysis: Analysis) -> list[str]:
-    """A summary, and a sentence for every question and comparison, also where nothing was found."""
+    """Return a summary, and a sentence for every question and comparison, also where nothing was found."""
     tests = select(analysis.rows, section="questionnaire", test="t_test_people")
     tested = with_p(tests)
     if not tested:

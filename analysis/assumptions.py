@@ -30,7 +30,7 @@ def check(
 
 
 def residuals(groups: Sequence[Values]) -> Values:
-    """Every value minus the mean of its group, end to end."""
+    """Return every value minus the mean of its group, end to end."""
     return np.concatenate([group - group.mean() for group in groups]) if groups else np.empty(0)
 
 

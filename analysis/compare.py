@@ -36,7 +36,7 @@ def means(
 
 
 def mean_row(base: Result, values: Values) -> Result:
-    """The mean of the values with its standard error and interval put into `base`."""
+    """Return the mean of the values with its standard error and interval put into `base`."""
     mean = effects.mean_interval(values)
     return replace(
         base,
@@ -141,7 +141,8 @@ def _t_test(base: Result, first: Values, second: Values) -> Result:
 
 
 def welch_t_test(base: Result, first: Values, second: Values) -> Result:
-    """The t-test that does not assume equal variances, next to Cliff's delta, which assumes no distribution at all."""
+    """Return the t-test that does not assume equal variances, next to Cliff's delta, which assumes no distribution at
+    all."""
     base = replace(base, n=first.size + second.size)
     if problem := effects.can_compare([first, second]):
         return replace(base, note=problem)
@@ -202,7 +203,7 @@ def pairwise(
 
 
 def adjust(family: Sequence[Result]) -> list[Result]:
-    """The same rows with Benjamini-Hochberg p values over those that have a p value."""
+    """Return the same rows with Benjamini-Hochberg p values over those that have a p value."""
     tested = [row for row in family if not math.isnan(row.p)]
     if not tested:
         return list(family)

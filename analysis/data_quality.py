@@ -23,7 +23,7 @@ class Rule:
     low_is_bad: bool = False
 
     def holds(self, bound: float | None) -> pl.Expr:
-        """True where the measure has reached the bound; false where it was not recorded."""
+        """Return true where the measure has reached the bound; false where it was not recorded."""
         if bound is None:
             return pl.lit(False)
         measure = pl.col(self.measure).cast(pl.Float64)

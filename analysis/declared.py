@@ -128,7 +128,7 @@ def declared_test(study: Mapping[str, Any]) -> DeclaredTest | None:
 
 
 def _compared(block: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The two conditions or the factors of the effect; the other is empty."""
+    """Return the two conditions or the factors of the effect; the other is empty."""
     comparison, effect = _names(block, "primary.comparison"), _names(block, "primary.effect")
     if effect and comparison:
         raise ValueError("primary: it names both two conditions and an effect")

@@ -9,7 +9,7 @@ from analysis import data_quality, measures
 from analysis.tables import export_of
 
 
-def judge(tables: Mapping[str, pl.DataFrame]) -> dict[str, tuple[str, str]]:
+def episode_proposals(tables: Mapping[str, pl.DataFrame]) -> dict[str, tuple[str, str]]:
     """Episode -> proposal and the rules that say so. `tables`: those of an export."""
     export = export_of(tables, Path(), "")
     found = data_quality.proposals(measures.episode_measures(export), export.answers)

@@ -47,7 +47,7 @@ class FactorialCells:
         return sum(values.size for values in self.values)
 
     def where(self, **levels: str) -> Values:
-        """The values of everybody with these levels."""
+        """Return the values of everybody with these levels."""
         return np.concatenate(
             [
                 values

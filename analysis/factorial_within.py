@@ -127,7 +127,7 @@ def problem_with(cells: RepeatedCells) -> str:
 
 
 def _weights(cells: RepeatedCells, term: Sequence[str]) -> tuple[Array, Array]:
-    """The hypothesis of a term as weights of the combinations within people, and of the groups."""
+    """Return the hypothesis of a term as weights of the combinations within people, and of the groups."""
     inner = contrast_weights(cells.inner, [name for name in term if name in cells.inner])
     return inner, _of_groups(cells, contrast_weights(cells.outer, [name for name in term if name in cells.outer]))
 

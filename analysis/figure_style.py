@@ -64,7 +64,7 @@ def save(figure: Figure, folder: Path, name: str, simulated: bool = False) -> st
 
 
 def styled(draw: Callable[Drawn, Figure]) -> Callable[Drawn, Figure]:
-    """The style holds while the figure is drawn, and nowhere else in the process."""
+    """Apply the style while the figure is drawn, and nowhere else in the process."""
 
     @wraps(draw)
     def drawn(*args: Drawn.args, **keywords: Drawn.kwargs) -> Figure:

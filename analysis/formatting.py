@@ -44,7 +44,7 @@ def number(value: float, decimals: int = 2) -> str:
 
 
 def signed(value: float, decimals: int = 1) -> str:
-    """A difference: always with its sign."""
+    """Return a difference, always with its sign."""
     text = number(value, decimals)
     return text if text[0] in "−–" or float(text) == 0 else f"+{text}"
 

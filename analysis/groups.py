@@ -27,7 +27,7 @@ class Groups:
         self._parts = {key: part[measure].to_numpy().astype(np.float64) for key, part in parts.items()}
 
     def at(self, place: str, agent: str, conditions: Sequence[str]) -> dict[str, Values]:
-        """The values of each condition at a place with an agent."""
+        """Return the values of each condition at a place with an agent."""
         found: dict[str, list[Values]] = {name: [] for name in conditions}
         for (where, partner, condition), values in self._parts.items():
             if condition in found and place in (where, ALL) and agent in (partner, ALL):
@@ -51,7 +51,8 @@ class PeopleGroups:
         self._episodes, self._measure = episodes, measure
 
     def at(self, layout: str, agent: str, conditions: Sequence[str]) -> dict[str, Values]:
-        """The people's means in each condition at a layout ("all": over them) with an agent ("all": over them)."""
+        """Return the people's means in each condition at a layout ("all": over them) with an agent ("all": over
+        them)."""
         apart = tuple(name for name, value in (("layout", layout), ("agent", agent)) if value != ALL)
         if apart not in self._tables:
             self._tables[apart] = Groups(person_means(self._episodes, self._measure, *apart), self._measure)

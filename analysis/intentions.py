@@ -35,6 +35,6 @@ def _is_right(name: str) -> pl.Expr:
 
 
 def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
-    """The mean of each share over people, each with the mean of their episodes, by condition."""
+    """Return the mean of each share over people, each with the mean of their episodes, by condition."""
     table = by_episode(ticks, episodes)
     return means_by_condition(table, "intentions", MEASURES, conditions)

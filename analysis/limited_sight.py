@@ -12,7 +12,7 @@ MEASURE = "partner_in_view"
 
 
 def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
-    """The share of timesteps with the partner in view, as mean over people, by condition with limited sight."""
+    """Return the share of timesteps with the partner in view, as mean over people, by condition with limited sight."""
     if IN_SIGHT not in ticks.columns:
         return []
     in_sight = pl.col(IN_SIGHT).cast(pl.Boolean)

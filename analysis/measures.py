@@ -15,10 +15,10 @@ PUSHES = 8
 
 
 def episode_measures(export: Export) -> pl.DataFrame:
-    """The export's episodes with reward, and measures from their ticks: idle_share, longest_idle_s, interactions,
-    pushing_share, late_share, display_share (timesteps not shown as required), lag_ms, hidden_share, accuracy and
-    accuracy_1..3 (shares, 0 to 1; null without ticks). attention_failed counts the attention checks that the person
-    failed in the whole study."""
+    """Return the export's episodes with reward, and measures from their ticks: idle_share, longest_idle_s,
+    interactions, pushing_share, late_share, display_share (timesteps not shown as required), lag_ms, hidden_share,
+    accuracy and accuracy_1..3 (shares, 0 to 1; null without ticks). attention_failed counts the attention checks that
+    the person failed in the whole study."""
     ticks = export.ticks
     of_ticks = ticks.group_by("episode").agg(
         timesteps_seen=pl.len(),
@@ -58,8 +58,8 @@ def _without_server_failures(pauses: pl.DataFrame) -> pl.DataFrame:
 
 
 def analysed(episodes: pl.DataFrame, participants: pl.DataFrame) -> pl.DataFrame:
-    """The episodes that count: played to their end by somebody who finished the study; neither of them excluded by the
-    researcher."""
+    """Return the episodes that count: played to their end by somebody who finished the study; neither of them excluded
+    by the researcher."""
     people = participants.filter((pl.col("status") == "completed") & (pl.col("excluded") == ""))
     counting = episodes.filter((pl.col("status") == "done") & (pl.col("excluded") == ""))
     return counting.join(people.select("participant"), on="participant", how="semi", maintain_order="left")
@@ -76,7 +76,7 @@ def _runs(ticks: pl.DataFrame) -> pl.DataFrame:
 
 
 def longest_idle(ticks: pl.DataFrame) -> pl.DataFrame:
-    """The longest run of waiting in timesteps: episode, longest_idle."""
+    """Return the longest run of waiting in timesteps: episode, longest_idle."""
     waiting = pl.when(pl.col("person") == STAY).then(pl.col("length")).otherwise(0)
     return _runs(ticks).group_by("episode").agg(longest_idle=waiting.max())
 
@@ -89,8 +89,8 @@ def pushing(ticks: pl.DataFrame) -> pl.DataFrame:
 
 
 def lag(ticks: pl.DataFrame) -> pl.DataFrame:
-    """How much slower than its fastest key the slowest twentieth of an episode's keys came: episode, lag_ms. Browser
-    and server clocks differ by a constant, which cancels; null if no key times were recorded."""
+    """Return how much slower than its fastest key the slowest twentieth of an episode's keys came: episode, lag_ms.
+    Browser and server clocks differ by a constant, which cancels; null if no key times were recorded."""
     if "key_client_ms" not in ticks.columns:
         return ticks.select("episode", lag_ms=pl.lit(None, dtype=pl.Float64)).unique()
     delay = (pl.col("key_received_ms") - pl.col("key_client_ms")).cast(pl.Float64)

@@ -14,7 +14,7 @@ from analysis.mixed_model_fit import Array, Data, Fit
 from analysis.results import Result
 from analysis.tables import AGENTS, LAYOUTS, in_order
 
-FEWEST_PEOPLE = 6
+MIN_PEOPLE = 6
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def fit(episodes: pl.DataFrame, measure: str, conditions: Sequence[str]) -> Mixe
     present = [name for name in conditions if name in chosen["condition"]]
     people = chosen["participant"].n_unique()
     base = Result("mixed model", "fixed_effect", "all", "all", n=chosen.height)
-    if len(present) < 2 or people < FEWEST_PEOPLE or chosen.height <= people:
+    if len(present) < 2 or people < MIN_PEOPLE or chosen.height <= people:
         return _none(base, "needs two conditions, six people and more than one episode a person")
     data = _data(chosen, measure, fixed_effects(chosen, present))
     try:
@@ -89,7 +89,7 @@ def fixed_effects(chosen: pl.DataFrame, conditions: Sequence[str]) -> Array:
 
 
 def _contrasts(base: Result, fitted: Fit, conditions: Sequence[str]) -> list[Result]:
-    """Every difference between two conditions; the first condition's effect is in the intercept."""
+    """Return every difference between two conditions; the first condition's effect is in the intercept."""
     rows = []
     for first, second in pairs(conditions):
         weights = np.zeros(len(fitted.beta))
@@ -104,7 +104,7 @@ def _contrasts(base: Result, fitted: Fit, conditions: Sequence[str]) -> list[Res
 
 
 def with_t_test(base: Result, estimate: float, se: float, df: float) -> Result:
-    """The row with an estimate, its t-test against 0 and 95 % interval."""
+    """Return the row with an estimate, its t-test against 0 and 95 % interval."""
     half = float(stats.t.ppf(0.975, df)) * se
     return replace(
         base,

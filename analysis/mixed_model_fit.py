@@ -99,7 +99,7 @@ class Profile:
         self.count = len(data.y) - (data.x.shape[1] if restricted else 0)
 
     def along(self, ratios: Array) -> Array:
-        """The log-likelihood at many ratios at a time."""
+        """Return the log-likelihood at many ratios at a time."""
         weights = ratios[:, None] / (1 + ratios[:, None] * self._sizes)  # (ratios, people)
         squares = np.einsum("pi,pj->pij", self._sums, self._sums).reshape(len(self._sums), -1)
         inner = self._xx - (weights @ squares).reshape(-1, *self._xx.shape)
@@ -138,9 +138,9 @@ class Profile:
 
 
 def fit(data: Data, restricted: bool = True) -> Fit:
-    """The fit with the largest (restricted) likelihood. Raises FitError where there is none."""
+    """Return the fit with the largest (restricted) likelihood. Raises FitError where there is none."""
     if np.linalg.matrix_rank(data.x) < data.x.shape[1]:
-        raise FitError("two of its effects cannot be told apart: not every condition was played alike")
+        raise FitError("two of its effects cannot be separated: not every condition was played alike")
     if len(data.y) - data.x.shape[1] < 2 or data.sizes.max() < 2:
         raise FitError("there are too few episodes for so many effects")
     total = float(data.y.var())
@@ -158,7 +158,8 @@ def fit(data: Data, restricted: bool = True) -> Fit:
 
 
 def best_ratio(profile: Profile) -> float:
-    """The ratio at which the likelihood is largest, 0 included. Raises FitError if the search does not settle."""
+    """Return the ratio at which the likelihood is largest, 0 included. Raises FitError if the search does not
+    settle."""
     with np.errstate(all="ignore"):
         found = profile.along(np.exp(GRID))
     if not np.all(np.isfinite(found)):

@@ -25,7 +25,7 @@ def model_rows(episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result
     present = [name for name in conditions if name in set(chosen["condition"])]
     people = chosen["participant"].n_unique()
     base = Result(SECTION, "", ALL, ALL, n=chosen.height)
-    if len(present) < 2 or people < mixed_model.FEWEST_PEOPLE or chosen.height <= people:
+    if len(present) < 2 or people < mixed_model.MIN_PEOPLE or chosen.height <= people:
         return [replace(base, test="cluster_robust", note="needs two conditions, six people and several episodes each")]
     checks: tuple[tuple[str, Callable[[Result, pl.DataFrame, list[str]], list[Result]]], ...] = (
         ("cluster_robust", _cluster_robust),
@@ -53,7 +53,7 @@ def _weights(pair: tuple[str, str], conditions: Sequence[str], size: int) -> Val
 
 
 def _tested(base: Result, estimate: float, se: float, df: float) -> Result:
-    """An estimate with its t-test and 95 % interval."""
+    """Return an estimate with its t-test and 95 % interval."""
     if not se > 0:
         return replace(base, note="nothing varies apart from the effects")
     return mixed_model.with_t_test(base, estimate, se, df)
@@ -75,7 +75,7 @@ def _people(chosen: pl.DataFrame) -> "np.ndarray[tuple[int], np.dtype[np.int64]]
 def cluster_robust(data: Data) -> tuple[Values, Array]:
     """Return least-squares estimates and their covariance with people as clusters, corrected for their number."""
     if np.linalg.matrix_rank(data.x) < data.x.shape[1]:
-        raise FitError("two of its effects cannot be told apart: not every condition was played alike")
+        raise FitError("two of its effects cannot be separated: not every condition was played alike")
     if np.ptp(data.y) <= mixed_model_fit.ROUNDING * np.abs(data.y).max():
         raise FitError("nothing varies apart from the effects")
     inverse = np.linalg.inv(data.x.T @ data.x)
@@ -111,7 +111,7 @@ def _random_slopes(base: Result, chosen: pl.DataFrame, conditions: list[str]) ->
 
 
 def _with_round(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> list[Result]:
-    """The round counts from the middle of the study, so that the difference is that in the middle."""
+    """Count rounds from the middle of the study, so that the difference is that in the middle."""
     rounds = chosen["number"].to_numpy().astype(np.float64)
     rounds = rounds - rounds.mean()
     plain = mixed_model.fixed_effects(chosen, conditions)
@@ -119,7 +119,7 @@ def _with_round(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> li
     y, person, size = chosen[REWARD].to_numpy().astype(np.float64), _people(chosen), plain.shape[1]
     together = np.column_stack([plain, rounds])
     if np.linalg.matrix_rank(together) == np.linalg.matrix_rank(plain):
-        raise FitError("the round cannot be told apart from layout and agent, which came in the same order for all")
+        raise FitError("the round cannot be separated from layout and agent, which came in the same order for all")
     fitted = mixed_model_fit.fit(Data(y, together, person))
     rows = []
     for pair in pairs(conditions):

@@ -34,6 +34,7 @@ def by_episode(ticks: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
 
 
 def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
-    """The mean of each measure over people, each with the mean of their episodes, by condition with marks on demand."""
+    """Return the mean of each measure over people, each with the mean of their episodes, by condition with marks on
+    demand."""
     table = by_episode(ticks, episodes)
     return means_by_condition(table, "on demand", MEASURES, conditions)

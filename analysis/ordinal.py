@@ -15,7 +15,7 @@ from analysis.ordinal_fit import OrdinalData, OrdinalFit, OrdinalFitError
 from analysis.results import Result
 
 SECTION = "ordinal"
-MOST_CATEGORIES = 9  # points of a scale; more distinct values are a number question
+MAX_CATEGORIES = 9  # points of a scale; more distinct values are a number question
 
 
 def ordinal_rows(answers: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
@@ -37,9 +37,9 @@ def _question(asked: pl.DataFrame, question: str, conditions: Sequence[str]) -> 
     people = asked["participant"].n_unique()
     if len(conditions) < 2:
         return [], []
-    if people < mixed_model.FEWEST_PEOPLE or asked.height <= people:
+    if people < mixed_model.MIN_PEOPLE or asked.height <= people:
         return [replace(base, note="needs six people and more than one answer a person")], []
-    if asked["value"].n_unique() > MOST_CATEGORIES:
+    if asked["value"].n_unique() > MAX_CATEGORIES:
         return [replace(base, note="is not an answer scale: too many different values")], []
     try:
         fitted = ordinal_fit.fit(_data(asked, conditions))

@@ -59,7 +59,7 @@ def fit(data: OrdinalData, nodes: int = NODES) -> OrdinalFit:
         raise OrdinalFitError("all answers are the same")
     effects = np.column_stack([np.ones(data.category.size), data.x])
     if np.linalg.matrix_rank(effects) < effects.shape[1]:
-        raise OrdinalFitError("some effects cannot be told apart")
+        raise OrdinalFitError("some effects cannot be separated")
 
     def loss(values: Array) -> float:
         return -log_likelihood(data, values, nodes)[0]
@@ -77,7 +77,7 @@ def fit(data: OrdinalData, nodes: int = NODES) -> OrdinalFit:
         raise OrdinalFitError("the search for the maximum did not end")
     covariance = _covariance(data, place, slope)
     if np.diag(covariance).max(initial=0) > LARGEST**2:
-        raise OrdinalFitError("the answers say too little about some effects")
+        raise OrdinalFitError("the answers do not determine some effects")
     return OrdinalFit(thresholds, beta, covariance, abs(sd), -value)
 
 
@@ -141,7 +141,7 @@ def _newton(data: OrdinalData, lower: Array, upper: Array, sd: float, mode: Arra
 
 
 def _bounds(data: OrdinalData, thresholds: Array) -> tuple[Array, Array]:
-    """The thresholds below and above each answer."""
+    """Return the thresholds below and above each answer."""
     edges = np.concatenate([[-np.inf], thresholds, [np.inf]])
     return edges[data.category], edges[data.category + 1]
 
@@ -182,14 +182,14 @@ def gradient(data: OrdinalData, values: Array, nodes: int) -> Array:
 
 
 def _differences(data: OrdinalData, values: Array) -> Array:
-    """The gradient of Laplace's approximation by central differences."""
+    """Return the gradient of Laplace's approximation by central differences."""
     steps = 1e-5 * np.eye(values.size)
     ahead, back = ([log_likelihood(data, values + sign * step, 1)[0] for step in steps] for sign in (1, -1))
     return np.asarray((np.array(ahead) - np.array(back)) / 2e-5)
 
 
 def _covariance(data: OrdinalData, values: Array, slope: Callable[[Array], Array]) -> Array:
-    """The inverse curvature of the negative log likelihood at its minimum, for beta."""
+    """Return the inverse curvature of the negative log likelihood at its minimum, for beta."""
     rows = []
     for index in range(values.size):
         step = np.zeros(values.size)

@@ -15,22 +15,22 @@ ALPHA = 0.05
 
 
 def agent(name: str) -> str:
-    """An agent's name as HTML."""
+    """Return an agent's name as HTML."""
     return str(escape(formatting.agent_title(name)))
 
 
 def layout(name: str) -> str:
-    """A layout's name as HTML."""
+    """Return a layout's name as HTML."""
     return str(escape(formatting.layout_title(name)))
 
 
 def condition(name: str) -> str:
-    """What a condition shows, as HTML: ToM predictions."""
+    """Return what a condition shows, as HTML: ToM predictions."""
     return str(escape(formatting.condition_phrase(name)))
 
 
 def question(key: str) -> str:
-    """A question's short name as HTML."""
+    """Return a question's short name as HTML."""
     return str(escape(questionnaires.title(key)))
 
 
@@ -52,7 +52,7 @@ def statistic(row: Result) -> str:
 
 
 def corrected(row: Result) -> str:
-    """The statistic with both its p values."""
+    """Return the statistic with both its p values."""
     return f"{statistic(row)}, corrected <i>p</i> {p_equals(row.p_adjusted)}"
 
 
@@ -62,22 +62,22 @@ def interval(row: Result, decimals: int = 1) -> str:
 
 
 def with_p(rows: Sequence[Result]) -> list[Result]:
-    """The rows whose test could be computed."""
+    """Return the rows whose test could be computed."""
     return [row for row in rows if not math.isnan(row.p)]
 
 
 def significant(row: Result) -> bool:
-    """True if the row's test is significant, after correction where there is one."""
+    """Return true if the row's test is significant, after correction where there is one."""
     return (row.p if math.isnan(row.p_adjusted) else row.p_adjusted) < ALPHA
 
 
 def raised(rows: Sequence[Result]) -> list[Result]:
-    """The significant differences in favour of the first condition."""
+    """Return the significant differences in favour of the first condition."""
     return [row for row in rows if significant(row) and row.estimate > 0]
 
 
 def lowered(rows: Sequence[Result]) -> list[Result]:
-    """The significant differences against the first condition."""
+    """Return the significant differences against the first condition."""
     return [row for row in rows if significant(row) and row.estimate < 0]
 
 

@@ -85,7 +85,7 @@ def found_after_correction(p: Values, alpha: float) -> NDArray[np.bool_]:
 
 
 def power(design: PowerDesign, effect: float, participants: int, studies: int = STUDIES, seed: int = 1) -> Power:
-    """How often `studies` simulated studies find the effect; the same numbers for the same seed."""
+    """Return how often `studies` simulated studies find the effect; the same numbers for the same seed."""
     sign = [1] if effect < 0 else []
     generator = np.random.default_rng([seed, participants, abs(round(effect * 1000)), *sign])
     people, some, comparison = [], [], []
@@ -104,7 +104,7 @@ def power(design: PowerDesign, effect: float, participants: int, studies: int = 
 def curve(
     design: PowerDesign, effects: Sequence[float], sizes: Sequence[int] = SIZES, studies: int = STUDIES, seed: int = 1
 ) -> list[Power]:
-    """The power of every effect at every number of participants in a condition."""
+    """Return the power of every effect at every number of participants in a condition."""
     return [power(design, effect, size, studies, seed) for effect in effects for size in sizes]
 
 
@@ -118,7 +118,7 @@ def write_points(points: Sequence[Power], path: Path) -> None:
 
 
 def exact(design: PowerDesign, effect: float, participants: int) -> float:
-    """The power of the two-sided t-test over participants' means, from the noncentral t distribution."""
+    """Return the power of the two-sided t-test over participants' means, from the noncentral t distribution."""
     shift = abs(effect) / (design.mean_sd * math.sqrt(2 / participants))
     df = 2 * participants - 2
     bound = float(stats.t.ppf(1 - design.alpha / 2, df))
@@ -127,13 +127,14 @@ def exact(design: PowerDesign, effect: float, participants: int) -> float:
 
 
 def participants_needed(design: PowerDesign, effect: float, wanted: float = WANTED) -> int | None:
-    """The smallest number of participants in each condition at which the t-test over people has the wanted power; none
-    where that takes more than MOST."""
+    """Return the smallest number of participants in each condition at which the t-test over people has the wanted
+    power; none where that takes more than MOST."""
     return smallest_size(lambda participants: exact(design, effect, participants), wanted)
 
 
 def smallest_size(power: Callable[[int], float], wanted: float) -> int | None:
-    """The smallest number of participants in each condition with the wanted power; None beyond MOST. `power` grows."""
+    """Return the smallest number of participants in each condition with the wanted power; None beyond MOST. `power`
+    grows."""
     if power(MOST) < wanted:
         return None
     low, high = 1, MOST  # too few, enough
@@ -150,7 +151,7 @@ def sizes_for(design: PowerDesign, effects: Sequence[float], participants: int) 
 
 
 def sentence(design: PowerDesign, points: Sequence[Power], effect: float, participants: int) -> str:
-    """What a methods section says about it."""
+    """Return what a methods section says about it."""
     point = next(point for point in points if point.effect == effect and point.participants == participants)
     needed = participants_needed(design, effect)
     enough = (

@@ -34,7 +34,7 @@ def primary_row(declared: DeclaredTest, episodes: pl.DataFrame, export: Export) 
 
 
 def _of_effect(declared: DeclaredTest, episodes: pl.DataFrame, export: Export) -> Result:
-    """The declared effect, tested with all others of the design."""
+    """Return the declared effect, tested with all others of the design."""
     table, measure = values_of_episodes(declared, episodes, export.answers)
     table = table.select("episode", "participant", pl.col(measure).alias("value"))
     within = factorial_within.within_of(export)
@@ -63,7 +63,7 @@ def of_effect(declared: DeclaredTest, cells: factorial.FactorialCells | factoria
 
 
 def _directed(declared: DeclaredTest, row: Result) -> Result:
-    """A difference with the p of the declared direction, and the interval that goes with the level."""
+    """Return a difference with the p of the declared direction, and the interval that goes with the level."""
     sides = {"two_sided": 2 * stats.t.sf(abs(row.statistic), row.df), "greater": stats.t.sf(row.statistic, row.df)}
     sides["less"] = stats.t.cdf(row.statistic, row.df)
     level = interval_level(declared, row.n)  # of the difference; that of eta squared would be another
@@ -180,7 +180,7 @@ def mann_whitney(first: Values, second: Values, declared: DeclaredTest) -> tuple
 
 
 def _ranks(base: Result, declared: DeclaredTest, first: Values, second: Values) -> Result:
-    """The estimate is the median of all differences between two people (Hodges and Lehmann)."""
+    """Estimate the difference by the median of all differences between two people (Hodges and Lehmann)."""
     u, p = mann_whitney(first, second, declared)
     delta = effects.cliffs_delta(first, second, interval_level(declared, base.n))
     return replace(

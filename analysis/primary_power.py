@@ -132,7 +132,7 @@ def _head(design: PrimaryDesign) -> str:
 
 
 def _sentence_of_effect(design: PrimaryDesign, effect: float, participants: int) -> str:
-    """The power of an effect of factors: exact, as of a factorial analysis of variance."""
+    """Return the power of an effect of factors: exact, as of a factorial analysis of variance."""
     declared = design.declared
     spread = PowerDesign(design.person_sd, design.residual_sd, design.episodes, declared.alpha)
     one_sided = declared.direction != "two_sided"

@@ -116,10 +116,10 @@ def _effect(declared: DeclaredTest, row: Result) -> str:
     """Describe whether there was an effect; for a single difference, also its direction."""
     found = row.p < level_of(declared, row.n)
     article = "an" if len(declared.effect) > 1 else "a"
-    said = f"there was {article if found else 'no'} {'' if found else 'significant '}{compared_words(declared)}"
+    outcome = f"there was {article if found else 'no'} {'' if found else 'significant '}{compared_words(declared)}"
     how = row.note.rpartition(", ")[2]
     which = f"; the difference is {escape(how.replace('_', ' '))}" if not math.isnan(row.estimate) else ""
-    return f"{said} on {measure_words(declared)}{which}"
+    return f"{outcome} on {measure_words(declared)}{which}"
 
 
 def _outcome(declared: DeclaredTest, row: Result, first: str, second: str) -> str:

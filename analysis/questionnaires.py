@@ -23,12 +23,12 @@ TITLES = {
 
 
 def title(question: str) -> str:
-    """A question's short name for tables and figures."""
+    """Return a question's short name for tables and figures."""
     return TITLES.get(question, question.replace("_", " ").capitalize())
 
 
 def answers_on(answers: pl.DataFrame, episodes: pl.DataFrame, layouts: Sequence[str]) -> pl.DataFrame:
-    """The answers about the given episodes on the chosen layouts, with condition, layout and agent."""
+    """Return the answers about the given episodes on the chosen layouts, with condition, layout and agent."""
     chosen = episodes.filter(pl.col("layout").is_in(list(layouts)))
     return answers.select("episode", "question", "value").join(
         chosen.select("episode", "participant", "condition", "layout", "agent", "number"), on="episode"
@@ -36,7 +36,7 @@ def answers_on(answers: pl.DataFrame, episodes: pl.DataFrame, layouts: Sequence[
 
 
 def questions(answers: pl.DataFrame) -> list[str]:
-    """The questions as they were asked, known ones in the published order."""
+    """Return the questions as they were asked, known ones in the published order."""
     present = [str(name) for name in answers["question"].unique(maintain_order=True)]
     return sorted(present, key=lambda name: list(TITLES).index(name) if name in TITLES else len(TITLES))
 
@@ -48,7 +48,7 @@ def of_people(answers: pl.DataFrame) -> pl.DataFrame:
 
 
 def _grouped(table: pl.DataFrame) -> Groups:
-    """The answers by question (as the first key), agent and condition."""
+    """Return the answers by question (as the first key), agent and condition."""
     return Groups(table, "value", "question")
 
 

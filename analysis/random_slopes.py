@@ -65,7 +65,7 @@ def fit(data: Data, own: Array) -> SlopesFit:
     """Fit data.y ~ data.x with effects of the columns `own` (episodes, size) that differ between people. Raises
     FitError."""
     if np.linalg.matrix_rank(data.x) < data.x.shape[1]:
-        raise FitError("two of its effects cannot be told apart: not every condition was played alike")
+        raise FitError("two of its effects cannot be separated: not every condition was played alike")
     sums = _Sums(data, own)
     if sums.count < 2 or sums.yy <= 1e-12 * max(1.0, float(data.y @ data.y)):
         raise FitError("nothing varies apart from the effects")
@@ -79,7 +79,7 @@ def fit(data: Data, own: Array) -> SlopesFit:
 
 
 def _search(sums: _Sums, start: float) -> Array:
-    """The entries of L with the largest likelihood from a start."""
+    """Return the entries of L with the largest likelihood from a start."""
 
     def loss(values: Array) -> float:
         return sums.solve(values)[0]

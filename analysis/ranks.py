@@ -122,10 +122,10 @@ def _published(part: People, agent: str, draws: int, seed: int) -> Result:
     if problem := effects.can_compare(groups):
         return replace(base, note=problem)
 
-    return computed(_kruskal, base, groups, epsilon_interval(part, draws, seed), _said(part, draws))
+    return computed(_kruskal, base, groups, epsilon_interval(part, draws, seed), _interval_note(part, draws))
 
 
-def _said(part: People, draws: int) -> str:
+def _interval_note(part: People, draws: int) -> str:
     people = np.unique(part.person).size
     return f"episodes of {people} people as independent; interval: people drawn again, {draws} bootstrap draws"
 
@@ -148,7 +148,8 @@ def _kruskal(base: Result, groups: Sequence[Values], interval: tuple[float, floa
 
 
 def _permuted(rows: Sequence[Result], people: Sequence[int], p: Values) -> list[Result]:
-    """The published rows' H with p values from permutations of people, (rows, draws), corrected over the rows."""
+    """Return the published rows' H with p values from permutations of people, (rows, draws), corrected over the
+    rows."""
     note = f"conditions permuted over people, {p.shape[1] - 1} draws"
     if len(rows) > 1:
         note += f"; p_adjusted: corrected over {len(rows)} agents (step-down minimum p)"
@@ -207,8 +208,8 @@ def _epsilon(counts: NDArray[np.float64]) -> Values:
 def dependence(
     episodes: pl.DataFrame, measure: str, contrast: tuple[str, str], columns: Sequence[str], draws: int, seed: int
 ) -> list[Result]:
-    """Whether the difference between two conditions depends on the layout or the agent (`columns`): conditions are
-    permuted over people, of whose rewards the means of places and of themselves were taken away. Corrected over the
+    """Return whether the difference between two conditions depends on the layout or the agent (`columns`): conditions
+    are permuted over people, of whose rewards the means of places and of themselves were taken away. Corrected over the
     columns. Where it cannot be tested a row says why."""
     chosen = episodes.filter(pl.col(measure).is_not_null() & pl.col("condition").is_in(list(contrast)))
     people = people_of(chosen, measure)

@@ -12,7 +12,8 @@ RESPONSES = ("waited", "avoided", "followed")
 
 
 def rows(reliance: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
-    """The share of each response in the timesteps next to shown cells, as mean over people; `note` is the phase."""
+    """Return the share of each response in the timesteps next to shown cells, as mean over people; `note` is the
+    phase."""
     if reliance.is_empty():
         return []
     people = reliance.join(episodes.select("episode", "participant", "condition"), on="episode")

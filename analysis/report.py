@@ -84,7 +84,7 @@ def write_analysed(analysis: Analysis, out: Path, options: Options) -> Report:
 
 
 def _draw(analysis: Analysis, folder: Path) -> dict[str, str]:
-    """The figures that the data allow, by name, as SVG for the page; all of them written to `folder`."""
+    """Return the figures that the data allow, by name, as SVG for the page; all of them written to `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     rows, conditions, contrast = analysis.rows, analysis.conditions, analysis.contrast
     made: dict[str, Figure] = {}
@@ -122,7 +122,7 @@ def _asked(analysis: Analysis) -> list[Result]:
 
 @cache
 def _environment() -> Environment:
-    """The template's surroundings: every value is escaped, numbers and names are written as in a paper."""
+    """Return the template's environment: every value is escaped, numbers and names are written as in a paper."""
     environment = Environment(
         loader=FileSystemLoader(HERE),
         autoescape=select_autoescape(["html", "j2"]),
@@ -189,7 +189,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
 
 
 def _sentences(analysis: Analysis) -> list[str]:
-    """The primary test first, then everything else."""
+    """Return the primary test first, then everything else."""
     who = analysis.subjects
     first = primary_text.primary_sentence(analysis.declaration, analysis.rows, who)
     return [
@@ -259,7 +259,7 @@ def _command(export: Export, options: Options) -> str:
 
 
 def _software(export: Export) -> str:
-    """The version that made this page, and those that the games were played on."""
+    """Return the version that made this page, and those that the games were played on."""
     try:
         here = f"kitchenmind {version('kitchenmind')}"
     except PackageNotFoundError:

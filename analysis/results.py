@@ -66,7 +66,7 @@ def write_results(rows: Iterable[Result], path: Path) -> None:
 
 
 def select(rows: Sequence[Result], **wanted: object) -> list[Result]:
-    """The rows whose fields equal all that is wanted, in their order."""
+    """Return the rows whose fields equal all that is wanted, in their order."""
     return [row for row in rows if all(getattr(row, name) == value for name, value in wanted.items())]
 
 

@@ -33,7 +33,7 @@ def _words(contrast: tuple[str, str]) -> str:
 
 
 def _models(contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subjects) -> str:
-    """The difference under other assumptions, in addition to that of the mixed model."""
+    """Return the difference under other assumptions, in addition to that of the mixed model."""
     if contrast is None:
         return ""
     name, words = " - ".join(contrast), checks(who)
@@ -41,14 +41,14 @@ def _models(contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subje
     found = with_p([row for test in words for row in select(rows, section=SECTION, test=test, contrast=name)])
     if not plain or not found:
         return ""
-    said = listed(
+    estimates = listed(
         [f"{formatting.signed(row.estimate)} {words[row.test]} (<i>p</i> {p_equals(row.p)})" for row in found]
     )
     other = [row for row in found if _conclusion(row) != _conclusion(plain[0])]
     holds = "the conclusion of the mixed model holds in all of them"
     if other:
         holds = f"the conclusion of the mixed model does not hold {listed([words[row.test] for row in other])}"
-    return f"The difference in reward {_words(contrast)} was {said}; {holds}."
+    return f"The difference in reward {_words(contrast)} was {estimates}; {holds}."
 
 
 def _conclusion(row: Result) -> int:

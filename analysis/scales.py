@@ -23,7 +23,7 @@ from analysis.tables import Export
 
 SCALES = Path(__file__).parent.parent / "server" / "study" / "scales"
 SECTION = "scale"
-FEWEST_PEOPLE = 3  # for a reliability
+MIN_PEOPLE = 3  # for a reliability
 SCORES = {
     **dict.fromkeys(("participant", "condition", "step", "episode", "questionnaire", "scale", "subscale"), pl.String),
     "score": pl.Float64, "answered": pl.Int64, "items": pl.Int64,
@@ -47,12 +47,12 @@ def subscales(scale: str) -> tuple[Subscale, ...]:
     path = SCALES / f"{scale}.yaml"
     if not re.fullmatch(r"[a-z0-9_]+", scale) or not path.is_file():
         return ()
-    said = yaml.safe_load(path.read_text(encoding="utf-8"))
-    total = 2 * said["first"] + said["step"] * (said["points"] - 1)
+    published = yaml.safe_load(path.read_text(encoding="utf-8"))
+    total = 2 * published["first"] + published["step"] * (published["points"] - 1)
     found = []
-    for name, title in said["subscales"].items():
-        items = {item["key"]: bool(item.get("reverse")) for item in said["items"] if item["subscale"] == name}
-        whole = said["title"] if len(said["subscales"]) == 1 else f"{said['title']}: {title}"
+    for name, title in published["subscales"].items():
+        items = {item["key"]: bool(item.get("reverse")) for item in published["items"] if item["subscale"] == name}
+        whole = published["title"] if len(published["subscales"]) == 1 else f"{published['title']}: {title}"
         found.append(Subscale(scale, name, whole, items, total))
     return tuple(found)
 
@@ -113,7 +113,7 @@ def _scored(answers: pl.DataFrame, questionnaire: str, subscale: Subscale) -> pl
 
 
 def _directed(answers: pl.DataFrame, subscale: Subscale) -> pl.DataFrame:
-    """The answers to the items, so that more of them is more of what the subscale measures."""
+    """Return the answers to the items, so that more of them is more of what the subscale measures."""
     turned = [item for item, is_reversed in subscale.items.items() if is_reversed]
     value = pl.when(pl.col("question").is_in(turned)).then(subscale.total - pl.col("value")).otherwise(pl.col("value"))
     return answers.filter(pl.col("question").is_in(list(subscale.items))).with_columns(value=value)
@@ -162,7 +162,7 @@ def _reliability(base: Result, answers: Values) -> Iterator[Result]:
     if items < 2:
         return
     base = replace(base, test="spearman_brown" if items == 2 else "alpha", n=people)
-    value = math.nan if people < FEWEST_PEOPLE else reliability(answers)
+    value = math.nan if people < MIN_PEOPLE else reliability(answers)
     note = "over the mean of every person" if math.isfinite(value) else "needs three people whose answers differ"
     yield replace(base, estimate=value, note=note)
 

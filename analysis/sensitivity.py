@@ -16,7 +16,7 @@ from analysis.tables import Export
 
 SECTION = "sensitivity"
 ATTRITION = "attrition"
-FEWEST_EXPECTED = 5  # people in a cell below which chi-square is not trusted
+MIN_EXPECTED = 5  # people in a cell below which chi-square is not trusted
 RESAMPLES = 9999
 
 
@@ -58,7 +58,7 @@ def sensitivity_rows(
 
 
 def _without(episodes: pl.DataFrame, flagged: pl.DataFrame) -> pl.DataFrame:
-    """The episodes of people who have none of the flagged ones."""
+    """Return the episodes of people who have none of the flagged ones."""
     return episodes.join(flagged.select("participant").unique(), on="participant", how="anti", maintain_order="left")
 
 
@@ -102,7 +102,7 @@ def compared(base: Result, table: Sequence[tuple[int, int]], seed: int) -> Resul
 
 def _compared(base: Result, counts: "np.ndarray[tuple[int, int], np.dtype[np.int64]]", seed: int) -> Result:
     test = stats.chi2_contingency(counts, correction=False)
-    if test.expected_freq.min() >= FEWEST_EXPECTED:
+    if test.expected_freq.min() >= MIN_EXPECTED:
         chi2, df, p = (float(value) for value in (test.statistic, test.dof, test.pvalue))
         return replace(base, statistic_name="chi2", statistic=chi2, df=df, p=p, note="chi-square test")
     if len(counts) == 2:

@@ -45,8 +45,8 @@ def _exclusions(declared: DeclaredTest, tests: Sequence[Result], who: Subjects) 
         return ""
     sizes = {row.test: _size(declared, row) for row in tests}
     what = f"The {_compared(declared)}"
-    others = [name for name, said in found.items() if said and said != found["analysed"]]
-    untested = [name for name, said in found.items() if not said]
+    others = [name for name, text in found.items() if text and text != found["analysed"]]
+    untested = [name for name, text in found.items() if not text]
     names = {
         "assigned": "all who were assigned",
         "completed": "all who finished",
@@ -73,7 +73,7 @@ def _compared(declared: DeclaredTest) -> str:
 
 
 def _size(declared: DeclaredTest, row: Result) -> str:
-    """The difference; where there is more than one, the share of variance."""
+    """Return the difference; where there is more than one, the share of variance."""
     if declared.effect and math.isnan(row.estimate):
         return f"partial η² = {formatting.number(row.effect, 3)}"
     return formatting.signed(row.estimate, 2 if declared.measure != "reward" else 1)

@@ -10,7 +10,7 @@ LABEL = "Simulated participants: no evidence about people"
 
 @dataclass(frozen=True)
 class Subjects:
-    """Who a data set is about, in words. Every text of a report takes them from here."""
+    """The words for the people of a data set, real or simulated. Every text of a report uses them."""
 
     person: str
     people: str

@@ -1,6 +1,6 @@
 """The difference that predictions made for simulated participants: a source of effects for a power analysis.
 
-`benchmarks/foresight.py --write` writes the figures. They are no evidence about people.
+`benchmarks/foresight.py --write` writes the figures. They are not evidence about people.
 """
 
 import json
@@ -22,7 +22,7 @@ def source() -> str:
         f"The effect of {points():g} points comes from simulated participants (ToM against none, "
         f"95 % interval {found['low']:.1f} to {found['high']:.1f}; {found['games']} pairs of episodes in "
         f"{len(found['layouts'])} kitchens with {len(found['agents'])} agents). They are built so that foresight can "
-        "help. It is no evidence about people: use it with other effects, not alone."
+        "help. It is not evidence about people: use it with other effects, not alone."
     )
 
 

@@ -1,4 +1,4 @@
-"""Analyse a study in one call: an export in; result rows, and what a report needs besides them, out."""
+"""Analyse a study in one call: from an export to result rows and everything else that a report needs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -48,7 +48,7 @@ class Options:
     power_studies: int = power.STUDIES  # simulated for every point of it
     draws: int = ranking.DRAWS  # permutations, and bootstrap draws
     seed: int = ranking.SEED  # all that is drawn at random comes from it
-    weights: Path | None = None  # folder of checkpoints, whose cards tell the offline test
+    weights: Path | None = None  # folder of checkpoints, whose cards have the offline accuracy
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def reward_rows(episodes: pl.DataFrame, design: AnalysisDesign, options: Options
 
 
 def reward_tests(episodes: pl.DataFrame, design: AnalysisDesign, draws: int, seed: int) -> list[Result]:
-    """The tests of reward that headlines and sentences speak of, with the published ones next to them."""
+    """Return the tests of reward that headlines and sentences speak of, with the published ones next to them."""
     rows = [
         *ranking.kruskal_wallis(episodes, MEASURE, design.conditions, design.agents, draws, seed),
         *compare.pairwise(episodes, MEASURE, design.conditions, cells(design.layouts, design.agents)),
@@ -194,9 +194,9 @@ def reward_tests(episodes: pl.DataFrame, design: AnalysisDesign, draws: int, see
 
 def _offline(export: Export, options: Options) -> Mapping[str, object]:
     """Return the offline accuracy from the export, otherwise from the cards."""
-    said = export.about.get("offline_accuracy")
-    if isinstance(said, Mapping):
-        return said
+    stored = export.about.get("offline_accuracy")
+    if isinstance(stored, Mapping):
+        return stored
     return cards.offline_accuracy(export.episodes, options.weights) if options.weights else {}
 
 

@@ -64,7 +64,8 @@ class ExportError(ValueError):
 
 
 def table_file(folder: Path, name: str) -> Path | None:
-    """The file of a table: its name is one of the words of the file's name (Psych-DS: study-x_ticks_data.csv)."""
+    """Return the file of a table: its name is one of the words of the file's name (Psych-DS:
+    study-x_ticks_data.csv)."""
     found = [
         path
         for path in sorted(folder.rglob("*"))
@@ -74,7 +75,8 @@ def table_file(folder: Path, name: str) -> Path | None:
 
 
 def read_table(folder: Path, name: str) -> pl.DataFrame:
-    """The table, with the columns that the analysis needs. Raises ExportError, also for rows that cannot be right."""
+    """Return the table, with the columns that the analysis needs. Raises ExportError, also for rows that cannot be
+    right."""
     path = table_file(folder, name)
     if path is None and name in OPTIONAL:
         return pl.DataFrame(schema=dict.fromkeys(COLUMNS[name], pl.String))
@@ -95,7 +97,7 @@ def read_table(folder: Path, name: str) -> pl.DataFrame:
 
 
 def _unreadable(path: Path, types: Mapping[str, type[pl.DataType]], first: int) -> str:
-    """The first cell of a CSV file that does not have its type; empty if that is not the problem."""
+    """Return the first cell of a CSV file that does not have its type; empty if that is not the problem."""
     try:
         texts = pl.read_csv(path, infer_schema=False)
     except (pl.exceptions.PolarsError, OSError):
@@ -105,7 +107,7 @@ def _unreadable(path: Path, types: Mapping[str, type[pl.DataType]], first: int) 
 
 
 def _types(folder: Path, name: str) -> dict[str, type[pl.DataType]]:
-    """Types of the columns by the codebook, for CSV: a column without any value tells nothing about its own type."""
+    """Types of the columns by the codebook, for CSV: a column without values does not show its type."""
     found = dict(_TICK_TYPES) if name == "ticks" else {}
     try:
         book = json.loads((folder / "codebook.json").read_text(encoding="utf-8"))
@@ -118,8 +120,8 @@ def _types(folder: Path, name: str) -> dict[str, type[pl.DataType]]:
 
 
 def _scan(path: Path, name: str, types: Mapping[str, type[pl.DataType]]) -> pl.LazyFrame:
-    """The file as a lazy table: texts stay texts, and of the ticks only what is needed (a large study has millions).
-    `types`: what is known of a CSV file's columns."""
+    """Return the file as a lazy table: texts stay texts, and of the ticks only what is needed (a large study has
+    millions). `types`: what is known of a CSV file's columns."""
     lazy = pl.scan_parquet(path) if path.suffix == ".parquet" else pl.scan_csv(path, infer_schema=False)
     present = lazy.collect_schema().names()
     if path.suffix != ".parquet":

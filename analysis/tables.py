@@ -87,7 +87,7 @@ class Export:
 
 
 def in_order(values: pl.Series, known: tuple[str, ...]) -> tuple[str, ...]:
-    """The distinct values: the known ones in the published order, then the others as they come."""
+    """Return the distinct values: the known ones in the published order, then the others as they come."""
     present = [str(value) for value in values.drop_nulls().unique(maintain_order=True)]
     return tuple([name for name in known if name in present] + [name for name in present if name not in known])
 
@@ -108,7 +108,7 @@ def read_export(folder: Path, study: str | None = None, version: int | None = No
 
 
 def _of_version(raw: Mapping[str, pl.DataFrame], version: int) -> dict[str, pl.DataFrame]:
-    """The participants and withdrawals of one version of the study file."""
+    """Return the participants and withdrawals of one version of the study file."""
     people = raw["participants"]
     known = people["study_version"].drop_nulls().unique().sort().to_list() if "study_version" in people.columns else []
     if version not in known:
@@ -122,7 +122,8 @@ def _of_version(raw: Mapping[str, pl.DataFrame], version: int) -> dict[str, pl.D
 
 
 def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version: int | None = None) -> Export:
-    """The tables of one study, as they are exported, in its roles. `folder` tells the rest, where it has anything."""
+    """Return the tables of one study, as they are exported, in its roles. `folder` has the rest, if it has
+    anything."""
     participants = _with_default(raw["participants"], "excluded", "").with_columns(pl.col("excluded").fill_null(""))
     participants = _with_default(participants, "attention_failed", 0)
     episodes = _episodes(raw["episodes"]).join(participants.select("participant"), on="participant", how="semi")

@@ -110,10 +110,10 @@ def numbers_of_r(cases: Sequence[Case]) -> tuple[list[dict[str, str]], list[str]
             flags = analyse(read_export(place), OPTIONS).quality
             flags.select("episode", "participant", "proposal").write_csv(place / "flags.csv")
             command = ["Rscript", str(SCRIPT), str(place), str(place / "r.csv")]
-            said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+            output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
             with (place / "r.csv").open(encoding="utf-8") as stream:
                 numbers += [{"case": case.name, **row} for row in csv.DictReader(stream)]
-    return numbers, said.split("\n")[:-1]
+    return numbers, output.split("\n")[:-1]
 
 
 def keep(numbers: Sequence[Mapping[str, str]]) -> None:

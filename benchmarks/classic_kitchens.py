@@ -71,7 +71,7 @@ def bundled_agents() -> dict[str, str]:
 
 
 def rendered(figures: Mapping[str, Any]) -> str:
-    """The table in docs/explanation/results.md, markers included."""
+    """Return the table in docs/explanation/results.md, markers included."""
     found = {(entry["layout"], entry["agent"]): entry for entry in figures["agents"]}
     rows = [
         _row(found, "sp", "self_play", "**SP, with itself**"),

@@ -59,8 +59,8 @@ def measured(quick: bool = False) -> dict[str, Any]:
 
 
 def still_right(figures: Mapping[str, Any]) -> tuple[dict[tuple[str, str, str], float], dict[tuple[str, str], float]]:
-    """The accuracy with the proxy of each predictor, and the observer's for each agent, as far as all whose weights
-    they depend on are bundled with the same ones."""
+    """Return the accuracy with the proxy of each predictor, and the observer's for each agent, as far as all whose
+    weights they depend on are bundled with the same ones."""
     now, people, observers = fingerprints(), {}, {}
     same = {name for name, digest in figures.get("sha256", {}).items() if digest == now.get(name)}
     for entry in figures.get("predictors", ()):
@@ -124,7 +124,7 @@ def _observer(name: str, agent: str, quick: bool) -> float:
 
 
 def rendered(figures: Mapping[str, Any]) -> str:
-    """The table in docs/explanation/results.md, markers included."""
+    """Return the table in docs/explanation/results.md, markers included."""
     found = {(entry["layout"], entry["agent"], entry["form"]): entry for entry in figures["predictors"]}
     rows = [["", *(name.replace("_", " ").title() for name in LAYOUTS)], ["---"] * (1 + len(LAYOUTS))]
     for agent, form in KINDS:

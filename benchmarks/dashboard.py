@@ -40,7 +40,7 @@ _HORIZON = 10_000
 
 
 @dataclass
-class Figures:
+class DashboardFigures:
     """Times in ms; lateness is that of the ticks as stored."""
 
     games: int
@@ -57,7 +57,7 @@ class Figures:
         return round(self.p99_watched_ms - self.p99_alone_ms, 2)
 
 
-class Watched(Player):
+class WatchedGame(Player):
     """A light bot that records when each timestep arrived."""
 
     def __init__(self, bot: Bot) -> None:
@@ -101,8 +101,9 @@ async def open_page(page: Page, url: str, games: int) -> tuple[float, float]:
     return float(await page.evaluate(_PAINT)), cards_ms
 
 
-async def behind(page: Page, players: list[Watched], window_s: float) -> list[float]:
-    """How long ago the timestep after the one shown had reached its player, for every card in view; 0: newest."""
+async def behind(page: Page, players: list[WatchedGame], window_s: float) -> list[float]:
+    """Return how long ago the timestep after the one shown had reached its player, for every card in view; 0:
+    newest."""
     by_episode = {player.episode: player for player in players}
     found: list[float] = []
     until = time.monotonic() + window_s
@@ -116,7 +117,7 @@ async def behind(page: Page, players: list[Watched], window_s: float) -> list[fl
 
 
 def descendants(pid: int) -> list[int]:
-    """All processes below this one."""
+    """Return all processes below this one."""
     found = []
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
         found += [int(child), *descendants(int(child))]
@@ -134,20 +135,20 @@ def browser_cpu_s() -> float:
     return total
 
 
-async def fill(server: Server, games: int) -> tuple[list[Watched], list[asyncio.Task[None]]]:
-    players: list[Watched] = []
+async def fill(server: Server, games: int) -> tuple[list[WatchedGame], list[asyncio.Task[None]]]:
+    players: list[WatchedGame] = []
     tasks: list[asyncio.Task[None]] = []
     while len(players) < games:
         bots = [Bot(server.url, "load", seed) for seed in range(len(players), min(games, len(players) + 10))]
         await asyncio.gather(*(to_the_game(bot) for bot in bots))
         for bot in bots:
-            players.append(Watched(bot))
+            players.append(WatchedGame(bot))
             tasks.append(asyncio.create_task(players[-1].play()))
             await bot.close()
     return players, tasks
 
 
-async def run(arguments: argparse.Namespace) -> Figures:
+async def run(arguments: argparse.Namespace) -> DashboardFigures:
     with tempfile.TemporaryDirectory() as folder:
         server = Server(Path(folder), arguments)
         password = account(server)
@@ -166,7 +167,9 @@ async def run(arguments: argparse.Namespace) -> Figures:
             server.process.wait(30)
 
 
-async def watch(server: Server, page: Page, players: list[Watched], arguments: argparse.Namespace) -> Figures:
+async def watch(
+    server: Server, page: Page, players: list[WatchedGame], arguments: argparse.Namespace
+) -> DashboardFigures:
     """Alternate windows without and with an open page."""
     alone: list[Any] = []
     watched: list[Any] = []
@@ -184,7 +187,7 @@ async def watch(server: Server, page: Page, players: list[Watched], arguments: a
         cpu += (browser_cpu_s() - before) / arguments.window_s
         watched.append(lateness_ms(server, ticks))
     p99 = [float(np.quantile(np.concatenate(windows), 0.99)) for windows in (alone, watched)]
-    return Figures(
+    return DashboardFigures(
         games=arguments.games,
         first_paint_ms=round(paint_ms),
         all_cards_ms=round(cards_ms),

@@ -1,7 +1,7 @@
 """How long `kitchenmind export` takes and how much memory, for studies of growing size.
 
 `python benchmarks/export.py [--people 100 1000] [--json]`: people with 10 episodes of 400 timesteps each, in SQLite,
-exported as CSV and Parquet by the command itself in a process of its own, whose largest memory is read afterwards.
+exported as CSV and Parquet by the command itself in a separate process, whose largest memory is read afterwards.
 """
 
 import argparse
@@ -67,12 +67,12 @@ def measured(people: int, folder: Path) -> dict[str, Any]:
     began = time.perf_counter()
     child = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
-    said = child.stdout.read()
+    output = child.stdout.read()
     if child.wait():
         raise SystemExit("the export failed")
     took = time.perf_counter() - began
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    ticks = next(word for word in said.split(", ") if word.endswith(" ticks")).split()[0]
+    ticks = next(word for word in output.split(", ") if word.endswith(" ticks")).split()[0]
     return {
         "episodes": people * 10,
         "ticks": int(ticks),

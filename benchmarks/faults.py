@@ -84,7 +84,7 @@ def measure(quick: bool, rows: set[int], kills: int, kill_s: float, first: int) 
         with tempfile.TemporaryDirectory(prefix="kitchenmind-faults-") as folder:
             try:
                 row = asyncio.run(_done(scenario, Path(folder)))
-            except Exception as error:  # noqa: BLE001 - a row that breaks is a row that failed; the others go on
+            except Exception as error:  # noqa: BLE001 - a row that raises counts as failed; the others still run
                 traceback.print_exc()
                 row = FaultResult(
                     number, "the scenario itself failed", 0, False, {"error": f"{type(error).__name__}: {error}"}
@@ -108,13 +108,13 @@ def main() -> int:
     parser.add_argument(
         "--seed", type=int, default=1, help="of the first hundred kills; each further hundred has the next"
     )
-    parser.add_argument("--kill-seconds", type=float, default=1e9, help="stop killing after so long, each hundred")
+    parser.add_argument("--kill-seconds", type=float, default=1e9, help="stop killing after this long, each hundred")
     arguments = parser.parse_args()
     rows = {int(number) for number in arguments.rows.split(",") if number}
     kills = arguments.kills or (3 if arguments.quick else 1000)
-    sys.stdout, said = sys.stderr, sys.stdout  # servers of this process print their address
+    sys.stdout, stdout = sys.stderr, sys.stdout  # servers of this process print their address
     found = measure(arguments.quick, rows, kills, arguments.kill_seconds, arguments.seed)
-    return 0 if printed(found, said, arguments.json) else 1
+    return 0 if printed(found, stdout, arguments.json) else 1
 
 
 def printed(found: Iterable[FaultResult], to: TextIO, as_json: bool) -> bool:

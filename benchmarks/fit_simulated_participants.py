@@ -40,7 +40,7 @@ FIGURES = Path(__file__).with_suffix(".json")
 TIMESTEPS = 400
 # The difference in logarithms that counts one point; collisions first.
 SCALES = {"stay": 0.1, "interact": 0.15, "collisions": 0.1, "soups": 0.12, "rest_after_rest": 0.15}
-SIMULATED = 40  # pairs in each kitchen, with which a try is judged
+SIMULATED = 40  # pairs in each kitchen, with which a parameter set is evaluated
 NATS = 0.02  # of the mean likelihood count one point
 # What is searched, and by how much a try changes it: the standard deviation of the logarithm.
 SEARCHED = {
@@ -148,7 +148,7 @@ def simulated(name: str, parameters: Parameters, games: int, seed: int, tick_ms:
 
 
 def nats(games: Recorded, parameters: Parameters, timesteps: int) -> float:
-    """Return the mean surprise (nats) at the recorded actions, each given the recorded past."""
+    """Return the mean cross-entropy (nats) at the recorded actions, each given the recorded past."""
     layout, variant = games.layout, Variant(parameters=parameters)
     count, total = games.actions.shape[1], 0.0
     none = np.full((count, ARROWS), NO_ARROW)
@@ -168,7 +168,7 @@ def nats(games: Recorded, parameters: Parameters, timesteps: int) -> float:
 def compared(
     parameters: Parameters, games: slice, number: int, seed: int, timesteps: int
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Kitchen -> people and simulated -> facts, with the surprise at what people did."""
+    """Kitchen -> people and simulated -> facts, with the cross-entropy of what people did."""
     found = {}
     for name in KITCHENS:
         people = recorded(name).some(games)
@@ -224,7 +224,7 @@ def changed_at_random(parameters: Parameters, draws: np.random.Generator) -> Par
 
 
 def parameters_of(stored: Mapping[str, Any]) -> Parameters:
-    """The inverse of `described`."""
+    """Return the inverse of `described`."""
     return Parameters(**{name: tuple(one) if isinstance(one, list) else one for name, one in stored.items()})
 
 
@@ -249,7 +249,7 @@ def main() -> None:
     for part, found in figures.items():
         print(f"{part}: loss {loss(found):.2f}")
         for name, cell in found.items():
-            print(f"  {name}, surprise {cell['likelihood']['nats']:.3f} nats an action")
+            print(f"  {name}, cross-entropy {cell['likelihood']['nats']:.3f} nats an action")
             for fact in SCALES:
                 print(f"    {fact:<16} people {cell['people'][fact]:7.3f}   simulated {cell['simulated'][fact]:7.3f}")
     if arguments.write:

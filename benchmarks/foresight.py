@@ -70,7 +70,7 @@ def cells() -> Iterator[tuple[str, Cell]]:
 def measured(
     folder: Path, episodes: Mapping[str, int], horizon: int, play: bool = True
 ) -> dict[str, dict[str, list[float]]]:
-    """Play the cells that are not in the folder, unless told not to, and return all cells by name."""
+    """Play the cells that are not in the folder, unless that is switched off, and return all cells by name."""
     folder.mkdir(parents=True, exist_ok=True)
     found = {}
     for part, cell in cells():
@@ -104,7 +104,7 @@ def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> dict[str
     return {"mean": mean.value, "low": mean.low, "high": mean.high, "episodes": one.size}
 
 
-class Summary:
+class ForesightSummary:
     """The figures of all cells, and statistics of them."""
 
     def __init__(self, found: Mapping[str, Mapping[str, Sequence[float]]]) -> None:
@@ -240,7 +240,7 @@ def _number(row: Mapping[str, Any], shown: str, figure: str, how: str) -> str:
 
 def _fit_tables(fit: Mapping[str, Any]) -> list[str]:
     """Simulated pairs against recorded pairs of people."""
-    head = ["kitchen", "games", "no key", "interactions", "collisions", "soups", "surprise (nats)"]
+    head = ["kitchen", "games", "no key", "interactions", "collisions", "soups", "cross-entropy (nats)"]
     rows = []
     for part in ("fitted games", "held-out games"):
         for name, cell in fit[part].items():
@@ -276,7 +276,7 @@ def main() -> None:
     episodes, horizon = (dict.fromkeys(number, 2), 20) if arguments.quick else (number, HORIZON)
     folder = arguments.folder / "quick" if arguments.quick else arguments.folder
     found = measured(folder, episodes, horizon, not arguments.tables)
-    figures = Summary(found).figures() | {"processor": processor(), "seed": SEED, "version": VERSION}
+    figures = ForesightSummary(found).figures() | {"processor": processor(), "seed": SEED, "version": VERSION}
     fit = json.loads(FITTED_FIGURES.read_text(encoding="utf-8"))
     print(json.dumps(figures, indent=1) if arguments.json else rendered(figures, fit))
     if arguments.write:

@@ -59,7 +59,7 @@ def _distribution(policy: Policy, mode: Mode, seen: Observations, stuck: Ints) -
 
 
 def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]:
-    """The best accuracy (%) of each of the three steps, over `states` timesteps of their games."""
+    """Return the best accuracy (%) of each of the three steps, over `states` timesteps of their games."""
     agents = load_agent(agent, layout), load_agent(partner, layout)
     target = Target(agent, *agents[0])
     games = games_with(layout, target, Partner(partner, partner, "extra", *agents[1]), CollectionPlan(trajectories=2))

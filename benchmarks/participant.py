@@ -59,7 +59,7 @@ WATCH = """(() => {
 
 
 def first_page(chromium: Browser, url: str) -> dict[str, Any]:
-    """A browser that was never here, five times: the first paint (median), bytes, requests to anybody else."""
+    """Measure five first visits of a new browser: the first paint (median), bytes, requests to other hosts."""
     visits = [visit(chromium, url) for _ in range(5)]
     return {
         "first_paint_ms": round(statistics.median(paint for paint, _, _ in visits)),

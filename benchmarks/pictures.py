@@ -18,7 +18,7 @@ from typing import Any
 
 from playwright.sync_api import Browser, ViewportSize, sync_playwright
 
-# The checkout whose pages are drawn: a revision is measured by a process of its own.
+# The checkout whose pages are drawn: a revision is measured by a separate process.
 ROOT = Path(os.environ.get("PICTURES_OF") or Path(__file__).resolve().parents[1])
 sys.path.insert(0, str(ROOT))
 
@@ -63,7 +63,7 @@ def _cpu_s(devtools: Any) -> float:
 
 
 def in_turn(roots: dict[str, Path], seconds: float) -> dict[str, dict[str, float]]:
-    """The median of each figure for each revision, measured in turn."""
+    """Return the median of each figure for each revision, measured in turn."""
     found: dict[str, list[dict[str, float]]] = {name: [] for name in roots}
     for _ in range(TURNS):
         for name, root in roots.items():
@@ -75,7 +75,7 @@ def in_turn(roots: dict[str, Path], seconds: float) -> dict[str, dict[str, float
 
 
 def unpacked(revision: str, folder: Path) -> Path:
-    """The files of a revision, with this benchmark's game."""
+    """Return the files of a revision, with this benchmark's game."""
     archive = subprocess.run(["git", "archive", revision], check=True, capture_output=True, cwd=ROOT).stdout
     subprocess.run(["tar", "-x", "-C", str(folder)], check=True, input=archive)
     shutil.copy(ROOT / "benchmarks" / "browser.py", folder / "benchmarks" / "browser.py")

@@ -13,7 +13,7 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 import numpy as np
 import torch
 
-from models.inference.predictor_numpy import at_work
+from models.inference.predictor_numpy import numpy_predictor
 from models.networks.config import PredictorConfig
 from models.networks.predictor import PredictorNetwork
 from overcooked.layout import load_layout
@@ -23,12 +23,12 @@ GAMES = (1, 8, 64, 256)
 
 
 def predictions_per_second(form: str, layout_name: str, games: int, seconds: float) -> float:
-    """The median over rounds of ten timesteps, each with new states, as a worker is asked."""
+    """Return the median over rounds of ten timesteps, each with new states, as a worker is asked."""
     layout = load_layout(layout_name)
     torch.manual_seed(0)
     config = PredictorConfig(form=form)
     tensors = {name: tensor.numpy() for name, tensor in PredictorNetwork(layout, config).state_dict().items()}
-    predictor = at_work(config, tensors, layout)
+    predictor = numpy_predictor(config, tensors, layout)
     slots = np.arange(games)
     observations = Kitchens.start(layout, games).encode()[:, 0].copy()
     actions = np.random.default_rng(0).integers(0, 6, (games, 2)).astype(np.int8)

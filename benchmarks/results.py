@@ -107,7 +107,7 @@ def bundled_entries() -> list[dict[str, Any]]:
 
 
 def summary(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> str:
-    """The table in README.md, markers included."""
+    """Return the table in README.md, markers included."""
     by_cell = _by_cell(entries)
     rows = []
     for agent in AGENTS:
@@ -128,7 +128,7 @@ def _head() -> list[str]:
 
 
 def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> str:
-    """The tables in docs/explanation/results.md, markers included."""
+    """Return the tables in docs/explanation/results.md, markers included."""
     by_cell = _by_cell(entries)
     head = _head()
     rows = [row for agent in AGENTS for row in _rows(agent, by_cell)]
@@ -154,7 +154,7 @@ def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -
 
 
 def _rows(agent: str, by_cell: Mapping[tuple[str, str, str], Mapping[str, Any]]) -> list[list[str]]:
-    """The rows of one agent: the paper's, ours, and what ours is compared with."""
+    """Return the rows of one agent: the paper's, ours, and what ours is compared with."""
     cells = [by_cell[layout, agent, "stream"] for layout in LAYOUTS]
     name = agent.upper()
     steps = [[f"{entry['accuracy'][f'step{k}']:.1f}" for k in (1, 2, 3)] for entry in cells]

@@ -53,7 +53,7 @@ flow: [introduction, episodes, thanks]
 
 
 @dataclass
-class Figures:
+class ServeFigures:
     """One measurement; per game where the name says so."""
 
     games: int
@@ -70,7 +70,7 @@ class Figures:
     bots_cpu: float  # cores: near 1, the bots are what limits the games
 
 
-class Server:
+class MeasuredServer:
     """`kitchenmind serve` on the given cores."""
 
     def __init__(self, folder: Path, arguments: argparse.Namespace) -> None:
@@ -104,7 +104,7 @@ class Server:
         return int(re.search(r"VmRSS:\s+(\d+)", status).group(1)) / 1024  # type: ignore[union-attr]
 
 
-class Player:
+class LoadPlayer:
     """One light bot: it answers Pings, taps a key every other tick, and counts bytes."""
 
     def __init__(self, bot: Bot) -> None:
@@ -143,7 +143,7 @@ async def to_the_game(bot: Bot) -> None:
         page = await bot.submit(page)
 
 
-async def measure(server: Server, players: list[Player], window_s: float) -> Figures:
+async def measure(server: MeasuredServer, players: list[LoadPlayer], window_s: float) -> ServeFigures:
     """Measure the next `window_s` seconds."""
     workers = server.workers()
     pids = (server.process.pid, *workers, os.getpid())
@@ -158,7 +158,7 @@ async def measure(server: Server, players: list[Player], window_s: float) -> Fig
         sum(b[k] - a[k] for a, b in zip(counts, now, strict=True)) for k in range(4)
     )
     lateness = lateness_ms(server, int(window_s / 0.2) - 2)
-    return Figures(
+    return ServeFigures(
         games=len(players),
         p50_ms=round(float(np.quantile(lateness, 0.5)), 2),
         p99_ms=round(float(np.quantile(lateness, 0.99)), 2),
@@ -174,7 +174,7 @@ async def measure(server: Server, players: list[Player], window_s: float) -> Fig
     )
 
 
-def lateness_ms(server: Server, last: int) -> "np.ndarray[Any, np.dtype[np.float64]]":
+def lateness_ms(server: MeasuredServer, last: int) -> "np.ndarray[Any, np.dtype[np.float64]]":
     """Of the last timesteps of every game, as stored."""
     with sqlite3.connect(f"file:{server.database}?mode=ro", uri=True) as database:
         rows = database.execute(
@@ -185,11 +185,11 @@ def lateness_ms(server: Server, last: int) -> "np.ndarray[Any, np.dtype[np.float
     return np.array([row[0] for row in rows])
 
 
-async def run(arguments: argparse.Namespace) -> list[Figures]:
-    found: list[Figures] = []
+async def run(arguments: argparse.Namespace) -> list[ServeFigures]:
+    found: list[ServeFigures] = []
     with tempfile.TemporaryDirectory() as folder:
-        server = Server(Path(folder), arguments)
-        players: list[Player] = []
+        server = MeasuredServer(Path(folder), arguments)
+        players: list[LoadPlayer] = []
         tasks: list[asyncio.Task[None]] = []
         empty_mb = server.rss_mb()
         try:
@@ -211,12 +211,12 @@ async def run(arguments: argparse.Namespace) -> list[Figures]:
     return found
 
 
-async def _fill(server: Server, players: list[Player], tasks: list[asyncio.Task[None]], games: int) -> None:
+async def _fill(server: MeasuredServer, players: list[LoadPlayer], tasks: list[asyncio.Task[None]], games: int) -> None:
     while len(players) < games:
         bots = [Bot(server.url, "load", seed) for seed in range(len(players), min(games, len(players) + 10))]
         await asyncio.gather(*(to_the_game(bot) for bot in bots))
         for bot in bots:
-            players.append(Player(bot))
+            players.append(LoadPlayer(bot))
             tasks.append(asyncio.create_task(players[-1].play()))
             await bot.close()
 

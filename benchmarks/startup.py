@@ -59,7 +59,7 @@ class Turn:
 
 
 @dataclass
-class Figures:
+class StartupFigures:
     """All turns of one process. `ratio`: its processor time as a share of the other checkout's."""
 
     process: str
@@ -107,10 +107,10 @@ def children_of(pid: int) -> list[int]:
 
 def modules_of(words: list[str]) -> int:
     """Count the modules that a process imports before it ends."""
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-X", "importtime", *words], cwd=ROOT, env=environment(), capture_output=True, text=True
     )
-    return len(re.findall(r"(?m)^import time: +\d", told.stderr))
+    return len(re.findall(r"(?m)^import time: +\d", process.stderr))
 
 
 def measure(folders: list[Path], turns: int, start: Callable[[Path], list[Turn]]) -> list[list[Turn]]:
@@ -127,12 +127,12 @@ def measure(folders: list[Path], turns: int, start: Callable[[Path], list[Turn]]
     ]
 
 
-def figures(names: list[str], best: list[list[Turn]], modules: int | None = None) -> list[Figures]:
+def figures(names: list[str], best: list[list[Turn]], modules: int | None = None) -> list[StartupFigures]:
     """Return a row for each process; `best`: of each checkout."""
     rows = []
     for place, name in enumerate(names):
         here = best[0][place]
-        row = Figures(name, round(here.wall_s, 3), round(here.cpu_s, 3), modules)
+        row = StartupFigures(name, round(here.wall_s, 3), round(here.cpu_s, 3), modules)
         if len(best) > 1:
             other = best[1][place].cpu_s
             row.other_cpu_s, row.ratio = round(other, 3), round(here.cpu_s / other, 2)
@@ -140,9 +140,9 @@ def figures(names: list[str], best: list[list[Turn]], modules: int | None = None
     return rows
 
 
-def starts(folders: list[Path], turns: int, only: str, scratch: Path) -> list[Figures]:
+def starts(folders: list[Path], turns: int, only: str, scratch: Path) -> list[StartupFigures]:
     """Measure every process whose name contains `only`."""
-    rows: list[Figures] = []
+    rows: list[StartupFigures] = []
     database = f"sqlite:///{scratch / 'startup.sqlite3'}"
     migrate(database)
     for name, words in COMMANDS.items():
@@ -150,7 +150,7 @@ def starts(folders: list[Path], turns: int, only: str, scratch: Path) -> list[Fi
             continue
 
         def filled(words: list[str] = words) -> list[str]:
-            """Each start writes into a folder of its own."""
+            """Start with a new folder."""
             places = {"DATABASE": database, "OUT": f"{tempfile.mkdtemp(dir=scratch)}/export"}
             return [places.get(word, word) for word in words]
 

@@ -2,7 +2,7 @@
 
     python benchmarks/store.py [--database URL] [--quick] [--json]
 
-Without --database: SQLite in a temporary folder, and a PostgreSQL server of its own (both wait for the disk at every
+Without --database: SQLite in a temporary folder, and a separate PostgreSQL server (both wait for the disk at every
 commit). "alone": one slot after the other, as many ticks in a commit as the slot has games. "slots": 5 slots of 120
 games that write at once, as 600 live games do. Pinned to one core; PostgreSQL's processes are elsewhere.
 """
@@ -44,7 +44,7 @@ PREDICTION = tuple(tuple(float(np.float32(p)) for p in (0.5, 0.1, 0.1, 0.1, 0.1,
 
 
 def tick(episode: str, timestep: int) -> TickRecord:
-    """A tick of a usual size."""
+    """Return a tick of a usual size."""
     return TickRecord(
         episode=episode,
         timestep=timestep,

@@ -36,7 +36,7 @@ from training.ppo import PpoTrainer  # noqa: E402
 LAYOUT = "coordination_ring"
 RATED = ("coordination_ring", "matrix")
 WANTED = 200.0
-_MOST_S = 300.0
+_MAX_S = 300.0
 
 
 def main() -> None:
@@ -91,7 +91,7 @@ def _time_to_wanted(config: AgentConfig, seed: int) -> dict[str, Any]:
     trainer = PpoTrainer(config, load_layout(LAYOUT), seed)
     trainer.iteration()
     began, mean = time.process_time(), 0.0
-    while mean < WANTED and time.process_time() - began < _MOST_S and trainer.timesteps < config.total_timesteps:
+    while mean < WANTED and time.process_time() - began < _MAX_S and trainer.timesteps < config.total_timesteps:
         metrics = trainer.iteration()
         mean = 0.8 * mean + 0.2 * metrics.get("reward", mean)
     seconds = time.process_time() - began

@@ -45,7 +45,7 @@ def games_of(database: Database, count: int) -> dict[str, int]:
     return database.write_now(make)
 
 
-def one_process(url: str, games: int, timesteps: int, begin: Any, told: Any) -> None:
+def one_process(url: str, games: int, timesteps: int, begin: Any, results: Any) -> None:
     """Store its games' ticks, each slot at its time, or as fast as possible."""
     with Database(url, shared=True, readers=1) as database:
         owned = games_of(database, games)
@@ -62,19 +62,20 @@ def one_process(url: str, games: int, timesteps: int, begin: Any, told: Any) -> 
                 database.write_now(fences.store_ticks, records, {episode: owned[episode] for episode in slot})
                 waits.append(time.perf_counter() - asked)
                 late = max(late, time.perf_counter() - due)
-        told.put((games * timesteps, time.perf_counter() - began, waits, late))
+        results.put((games * timesteps, time.perf_counter() - began, waits, late))
 
 
 def measure(url: str, games: int, processes: int, timesteps: int) -> dict[str, Any]:
-    """The rate and the waits of all processes together."""
-    begin, told = multiprocessing.Barrier(processes), multiprocessing.Queue()
+    """Return the rate and the waits of all processes together."""
+    begin, results = multiprocessing.Barrier(processes), multiprocessing.Queue()
     share = games // processes
     running = [
-        multiprocessing.Process(target=one_process, args=(url, share, timesteps, begin, told)) for _ in range(processes)
+        multiprocessing.Process(target=one_process, args=(url, share, timesteps, begin, results))
+        for _ in range(processes)
     ]
     for process in running:
         process.start()
-    found = [told.get() for _ in running]
+    found = [results.get() for _ in running]
     for process in running:
         process.join()
     with Database(url, read_only=True, readers=1) as database:

@@ -19,7 +19,7 @@ from overcooked.score import progress_credit, sparse_reward
 from overcooked.state import Kitchens
 
 AT_ONCE: Final = 256  # episodes in one batch
-_LARGEST_SEED: Final = 2**63 - 1
+_MAX_SEED: Final = 2**63 - 1
 
 
 def simulate(
@@ -99,5 +99,5 @@ def _pair(agents: GivenAgent | Sequence[GivenAgent]) -> tuple[GivenAgent, GivenA
 
 
 def _check_number(name: str, value: int, smallest: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not smallest <= value <= _LARGEST_SEED:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not smallest <= value <= _MAX_SEED:
         raise ValueError(f"{name}={value!r}: give a whole number of at least {smallest}.")

@@ -18,7 +18,7 @@ from overcooked.planes import static_planes
 
 LAYOUT_FOLDER = Path(__file__).parent / "layouts"
 _REQUIRED = {"O": "onion dispenser", "D": "dish dispenser", "P": "pot", "S": "serving station"}
-_LARGEST_SIDE = 32
+_MAX_SIDE = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +167,11 @@ def _grid_problems(rows: list[str], source: str) -> Iterator[LayoutError]:
             )
         for x, tile in enumerate(row):
             yield from _cell_problems(tile, (x, y), (width, height), starts, source)
-    if max(width, height) > _LARGEST_SIDE:
+    if max(width, height) > _MAX_SIDE:
         yield LayoutError(
             source,
             f"the kitchen is {width} x {height} cells",
-            f"At most {_LARGEST_SIDE} x {_LARGEST_SIDE} can be played.",
+            f"At most {_MAX_SIDE} x {_MAX_SIDE} can be played.",
         )
     for player in range(1, PLAYERS + 1):
         if str(player) not in starts:

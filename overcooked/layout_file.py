@@ -45,7 +45,7 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float)
 
 
-# Keys of overcooked_ai's dictionary besides the grid -> (whether this kitchen supports the value, what this kitchen
+# Keys of overcooked_ai's dictionary other than the grid -> (whether this kitchen supports the value, what this kitchen
 # does).
 _SETTINGS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "layout_name": (lambda value: isinstance(value, str), "a name is a text"),

@@ -42,7 +42,7 @@ _MY_FACING, _OTHER_FACING = np.uint64(MY_FACING), np.uint64(OTHER_FACING)
 
 
 def _packed(planes: dict[int, int]) -> int:
-    """The planes 16 to 23 of one cell as one integer, the first in the lowest byte."""
+    """Return the planes 16 to 23 of one cell as one integer, the first in the lowest byte."""
     return sum(value << 8 * (plane - CONTENT) for plane, value in planes.items())
 
 
@@ -62,7 +62,7 @@ _ITEMS = np.array([_packed(_ITEM_PLANES[item]) for item in range(len(_ITEM_PLANE
 
 @inlined_kernel
 def _cell(x, y, contents):
-    """Where the planes of a cell begin in the flat view of what one chef sees."""
+    """Return where the planes of a cell begin in the flat view of what one chef sees."""
     return (x * np.uint64(contents.shape[2]) + y) * np.uint64(PLANES)
 
 

@@ -105,7 +105,7 @@ def _fields_of(line: bytes) -> dict[str, Any]:
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError) as error:
-        raise ReplayError(f"this is no JSON ({error})") from None
+        raise ReplayError(f"this is not JSON ({error})") from None
     if not isinstance(fields, dict):
         raise ReplayError('a line is an object with "layout" and "joint_actions"')
     return fields

@@ -155,7 +155,7 @@ def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
 
 @inlined_kernel
 def _target(tiles, x, y, action):
-    """Where the action leads. Without branches: the processor cannot guess which way somebody walks."""
+    """Return where the action leads. Without branches: the processor cannot guess which way somebody walks."""
     to_x = x + (action == EAST) - (action == WEST)
     to_y = y + (action == SOUTH) - (action == NORTH)
     is_free = tiles[to_x, to_y] == FLOOR

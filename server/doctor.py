@@ -30,7 +30,7 @@ from server.store.migrate import known_revisions, revision_of
 from server.study.loader import StudyError, StudyFile
 from server.study_check import stage_problems
 
-LEAST_FREE_GB: Final = 1.0
+MIN_FREE_GB: Final = 1.0
 SOME_FREE_GB: Final = 5.0
 RENEW_DAYS: Final = 14
 PATIENCE_S: Final = 5.0
@@ -127,7 +127,7 @@ def _disk(settings: Settings) -> Iterator[HealthFinding]:
     place = _nearest(Path(str(url.database)))
     free_gb = shutil.disk_usage(place).free / 1e9
     text = f"{free_gb:.1f} GB free at {place}"
-    if free_gb < LEAST_FREE_GB:
+    if free_gb < MIN_FREE_GB:
         yield HealthFinding(
             "disk", "bad", f"{text}. Make room, or put the database elsewhere: a full disk pauses every game."
         )

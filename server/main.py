@@ -114,7 +114,7 @@ async def wired(
         several = settings.redis is not None
         models = _models(settings, files, ahead)
         stack.push_async_callback(models.close)
-        starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
+        starting = asyncio.create_task(models.start())  # takes longest, in a separate process
         stack.push_async_callback(ended, starting)  # nothing keeps running when the server does not start
         # Starlette's thread pool, which imports its parts at the first call.
         await run_in_threadpool(warm_up.compile_all, files, csrf.root)

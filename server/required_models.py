@@ -111,7 +111,8 @@ def _is_own_name(layout: str, name: str, folder: Path) -> bool:
 
 
 def _pins(files: list[StudyFile]) -> dict[Name, str]:
-    """The checkpoints that versions keep. Raises StudyError where two versions keep different ones of one name."""
+    """Return the checkpoints that versions keep. Raises StudyError where two versions keep different ones of one
+    name."""
     found: dict[Name, str] = {}
     for file in files:
         for layout, name in sorted(own_names(file)):

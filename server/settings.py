@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent  # a checkout, or the folder in wh
 IS_CHECKOUT = (ROOT / "pyproject.toml").is_file()
 DATABASE_FILE = "kitchenmind.sqlite3"
 _LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
-_SHORTEST_SECRET, _SHORTEST_TOKEN = 32, 16
+_MIN_SECRET_LENGTH, _MIN_TOKEN_LENGTH = 32, 16
 _RANDOM_OF_SECRET, _RANDOM_OF_TOKEN = 20, 12  # unpredictable characters that it must have
 _MAKE_ONE = "`python3 -c 'import secrets; print(secrets.token_urlsafe(32))'`"
 _PLAIN_ADDRESS = re.compile(
@@ -145,15 +145,15 @@ class Settings(BaseSettings):
                 )
             return self
         secret = self.secret.get_secret_value() if self.secret else ""
-        if len(secret) < _SHORTEST_SECRET or is_weak(secret, _RANDOM_OF_SECRET):
+        if len(secret) < _MIN_SECRET_LENGTH or is_weak(secret, _RANDOM_OF_SECRET):
             raise ValueError(
-                f"production needs KITCHENMIND_SECRET with at least {_SHORTEST_SECRET} random characters, "
+                f"production needs KITCHENMIND_SECRET with at least {_MIN_SECRET_LENGTH} random characters, "
                 f"e.g. from {_MAKE_ONE}"
             )
         token = self.metrics_token.get_secret_value() if self.metrics_token else None
-        if token is not None and (len(token) < _SHORTEST_TOKEN or is_weak(token, _RANDOM_OF_TOKEN)):
+        if token is not None and (len(token) < _MIN_TOKEN_LENGTH or is_weak(token, _RANDOM_OF_TOKEN)):
             raise ValueError(
-                f"production needs a KITCHENMIND_METRICS_TOKEN of at least {_SHORTEST_TOKEN} random characters, "
+                f"production needs a KITCHENMIND_METRICS_TOKEN of at least {_MIN_TOKEN_LENGTH} random characters, "
                 f"or none. Make one with {_MAKE_ONE}"
             )
         url = urlsplit(self.public_url)
@@ -198,7 +198,7 @@ class Settings(BaseSettings):
             self.data.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def signing_key(self) -> bytes:
-        """The secret; for local use one is made at the first start and kept, readable by the owner only."""
+        """Return the secret; for local use one is made at the first start and kept, readable by the owner only."""
         if self.secret is not None:
             return self.secret.get_secret_value().encode()
         self.make_data_folder()

@@ -67,11 +67,11 @@ def missing_problems(file: StudyFile, required: RequiredModels) -> Iterator[Prob
     """Yield agents and predictors that this machine does not have, or that a study may not name, each with its place in
     the file."""
     yield from _variant_problems(file.study)
-    told = set()
+    reported = set()
     for place, layout, model in models_named(file.study):
         reason = required.lacks(layout, model)
-        if reason is not None and reason not in told:
-            told.add(reason)
+        if reason is not None and reason not in reported:
+            reported.add(reason)
             remedy = _remedy(place, layout, model, required, partner_at(file.study, place).catalogue_name)
             if place[-1] == "predictor" and (shown := shown_words(file.study)):
                 remedy += f" {capitalised(shown)} its predictions."
@@ -115,7 +115,7 @@ def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) ->
     yield from missing_problems(file, required)
     yield from _degraded_problems(required)
     yield from in_factors(file.study, _intention_problems(file.study, layouts, required))
-    told: set[str] = set()
+    reported: set[str] = set()
     missing = set(required.missing)
     for place, layout, model in models_named(file.study):
         if (layout, model) in missing or layout not in layouts:
@@ -123,8 +123,8 @@ def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) ->
         problem = _wrong_kind(place, layout, model, required)
         problem = problem or _grid_problem(file.study, layouts[layout], model, required)
         problem = problem or (_unfit(place, layouts[layout], model, required) if loads else None)
-        if problem is not None and problem.reason not in told:
-            told.add(problem.reason)
+        if problem is not None and problem.reason not in reported:
+            reported.add(problem.reason)
             yield problem
 
 
@@ -132,7 +132,7 @@ def _intention_problems(study: Study, layouts: dict[str, Layout], required: Requ
     """Yield conditions that draw the intention of a predictor without intentions. Random ones need no predictor."""
     from models.agents.predictors import has_intentions
 
-    told: set[tuple[str, str]] = set()
+    reported: set[tuple[str, str]] = set()
     for index, arm in enumerate(study.conditions):
         if study.drawn(arm) not in ("intention", "both") or arm.predictor == "random":
             continue
@@ -140,10 +140,10 @@ def _intention_problems(study: Study, layouts: dict[str, Layout], required: Requ
         for kitchen, agent in product(study.layouts, study.agents):
             name = predictor_of(study, agent, arm)
             there = name is not None and kitchen.name in layouts and required.lacks(kitchen.name, name) is None
-            if name is None or not there or (kitchen.name, name) in told:
+            if name is None or not there or (kitchen.name, name) in reported:
                 continue
             if not has_intentions(required.paths.located(kitchen.name, name), layouts[kitchen.name]):
-                told.add((kitchen.name, name))
+                reported.add((kitchen.name, name))
                 reason = f"`display: {study.drawn(arm)}` needs a predictor with intentions; on {kitchen.name}, {name!r}"
                 remedy = "Use `display: actions`, or train it: `kitchenmind train intentions --help`."
                 yield Problem(place, f"{reason} has none", remedy)
@@ -185,7 +185,7 @@ def _unfit(place: Path, layout: Layout, model: str, required: RequiredModels) ->
     if is_class(base):
         return None
     try:
-        if place[-1] == "predictor":  # of a network, how much worse it can be made is told by _degraded_problems
+        if place[-1] == "predictor":  # of a network, how much worse it can be made is reported by _degraded_problems
             load_predictor(model if base in WITHOUT_WEIGHTS else base, layout)
         else:
             load_agent(required.paths.located(layout.name, model), layout)

@@ -113,7 +113,7 @@ def partner_at(study: Study, place: Path) -> PartnerSettings:
 
 
 def _guessing(study: Study, agent: PartnerSettings, place: Path, required: RequiredModels) -> Problem:
-    """The warning about an agent whose predictor was not trained for it."""
+    """Return the warning about an agent whose predictor was not trained for it."""
     trained = f"{agent.model or agent.name}_predictor_{study.predictor.form}"
     lacking = [
         one.name

@@ -21,22 +21,22 @@ from server.play.token_bucket import TokenBucket
 from server.web.participant.direct_frames import EXTENSION, DirectFrames
 
 log = logging.getLogger(__name__)
-SAY_SOMETHING_WITHIN_S = 10.0  # from the first byte (or none) of a request to the end of its headers
-_FOR_OURSELVES: Final = 128  # descriptors: database, models, files that are being sent
+REQUEST_TIMEOUT_S = 10.0  # from the first byte (or none) of a request to the end of its headers
+_RESERVED_DESCRIPTORS: Final = 128  # descriptors: database, models, files that are being sent
 _WANTED: Final = 65_536
-_MOUTHFUL_BYTES: Final = 2048  # two of the longest messages, or some thirty usual ones
+_READ_BYTES: Final = 2048  # two of the longest messages, or some thirty usual ones
 _AFTER_CLOSE_EVERY_S: Final = 0.02  # bytes still read after that, as the peer's own close may follow
 _TEXT, _PING, _PONG = 0x81, 0x89, 0x8A  # the first byte of a frame in one piece
 _TWO_MORE_BYTES: Final = 126  # in the place of a size: it follows in two bytes
 _MASKED: Final = 0x80  # added to the size in a browser's frames
 _TO_MASK, _TO_TEXT = 2, 6  # where mask and text of a browser's short frame begin
-_LARGEST_DIRECT: Final = 0xFFFF
+_MAX_DIRECT: Final = 0xFFFF
 _FULL: Final = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 
 
 def most_connections() -> int:
     """Return the number of descriptors, less those that the server itself needs."""
-    return max(16, resource.getrlimit(resource.RLIMIT_NOFILE)[0] - _FOR_OURSELVES)
+    return max(16, resource.getrlimit(resource.RLIMIT_NOFILE)[0] - _RESERVED_DESCRIPTORS)
 
 
 def raise_descriptor_limit() -> None:
@@ -80,7 +80,7 @@ class PatientProtocol(H11Protocol):
 
     def _wait(self) -> None:
         self._mates[self] = None
-        self._patience = self.loop.call_later(SAY_SOMETHING_WITHIN_S, self.transport.abort)
+        self._patience = self.loop.call_later(REQUEST_TIMEOUT_S, self.transport.abort)
 
     def _heard(self) -> None:
         self._mates.pop(self, None)
@@ -100,8 +100,9 @@ class PatientProtocol(H11Protocol):
 
 
 class QuietProtocol(WebSocketsSansIOProtocol):
-    """uvicorn's websocket with `DirectFrames` for the application, with a limit on frames that are no message (pings,
-    pongs, pieces of a message without an end), and without a traceback in the log for every text that is not UTF-8."""
+    """uvicorn's websocket with `DirectFrames` for the application, with a limit on frames that are not messages
+    (pings, pongs, pieces of a message without an end), and without a traceback in the log for
+    text that is not UTF-8."""
 
     def __init__(self, **parts: Any) -> None:
         super().__init__(**parts)
@@ -170,7 +171,7 @@ class QuietProtocol(WebSocketsSansIOProtocol):
         return super().send_receive_event_to_app()
 
     def _is_let_in(self) -> bool:
-        """Whether a frame that is no message by itself is taken; too many of them close the socket."""
+        """Return whether a frame that is not a whole message is accepted; too many of them close the socket."""
         if self.close_sent:
             return False
         if not self._no_messages.spend(self.loop.time()):
@@ -192,7 +193,7 @@ class QuietProtocol(WebSocketsSansIOProtocol):
         if not self.writable.is_set() or self.transport.is_closing() or self.conn.state is not State.OPEN:
             return False
         size = len(text)
-        if size > _LARGEST_DIRECT:
+        if size > _MAX_DIRECT:
             return False
         # An unmasked text frame in one piece (RFC 6455, 5.2), by hand: through `conn` it costs three times as much.
         head = bytes((_TEXT, size)) if size < _TWO_MORE_BYTES else bytes((_TEXT, _TWO_MORE_BYTES)) + size.to_bytes(2)
@@ -201,8 +202,8 @@ class QuietProtocol(WebSocketsSansIOProtocol):
 
 
 def _end_of_short_frame(data: bytes, begin: int) -> int:
-    """Where the frame that begins here ends, if it is a text, ping or pong in one piece of less than 126 bytes, masked
-    as a browser's are (RFC 6455, 5.2), and all there; otherwise 0."""
+    """Return where the frame that begins here ends, if it is a text, ping or pong in one piece of less than 126 bytes,
+    masked as a browser's are (RFC 6455, 5.2), and all there; otherwise 0."""
     if len(data) < begin + _TO_TEXT or data[begin] not in (_TEXT, _PING, _PONG):
         return 0
     size = data[begin + 1] - _MASKED
@@ -216,7 +217,7 @@ class SparingProtocol(asyncio.BufferedProtocol):
 
     def __init__(self, **parts: Any) -> None:
         self._websocket = QuietProtocol(**parts)
-        self._buffer = bytearray(_MOUTHFUL_BYTES)
+        self._buffer = bytearray(_READ_BYTES)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._websocket.connection_made(transport)

@@ -14,7 +14,7 @@ _ROWS: Final = (
 _WORDS: Final = re.compile(
     r"secret|change|me|default|kitchen|mind|password|passwd|token|admin|example|test|production|key|please|this|your"
 )
-_SHORTEST_RUN: Final = 3
+_MIN_RUN: Final = 3
 
 
 def effective_length(secret: str) -> int:
@@ -33,7 +33,7 @@ def effective_length(secret: str) -> int:
 def _run(text: str, at: int) -> int:
     """Return the length of the longest predictable run that begins here; 0: none."""
     longest = 0
-    for end in range(at + _SHORTEST_RUN, len(text) + 1):
+    for end in range(at + _MIN_RUN, len(text) + 1):
         piece = text[at:end]
         known = any(piece in row or piece[::-1] in row for row in _ROWS)
         if not known and piece not in text[:at] and len(set(piece)) > 1:

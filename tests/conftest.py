@@ -113,7 +113,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session")
 def postgres() -> Iterator[PostgresServer]:
-    """For all tests that do not stop it: each makes a database of its own."""
+    """For all tests that do not stop it: each makes a separate database."""
     server = PostgresServer()
     yield server
     server.remove()

@@ -34,7 +34,7 @@ def test_a_command_leaves_its_objects_out_of_the_last_collection() -> None:
 
 
 @pytest.mark.parametrize("verb", kitchenmind.VERBS)
-def test_verb_is_there_and_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_verb_exists_and_has_a_help_text(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     module = importlib.import_module(kitchenmind.VERBS[verb][0])
     assert callable(module.run)
     with pytest.raises(SystemExit) as leaving:

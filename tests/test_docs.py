@@ -79,7 +79,7 @@ def test_every_check_of_the_screens_names_a_test() -> None:
     assert rows == held == [str(number) for number in range(1, 32)]
 
 
-def test_decisions_have_numbers_of_their_own_and_say_what_was_decided() -> None:
+def test_decisions_have_unique_numbers_and_state_what_was_decided() -> None:
     pages = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
     assert len({int(page.name[:4]) for page in pages}) == len(pages) >= 6
     for page in pages:
@@ -102,11 +102,11 @@ def test_glossary_is_in_alphabetical_order() -> None:
 def site() -> dict[str, Any]:
     """mkdocs.yml; its Python names are read as plain words."""
 
-    class Reader(yaml.SafeLoader):
+    class MkdocsReader(yaml.SafeLoader):
         pass
 
-    Reader.add_multi_constructor("tag:yaml.org,2002:python/name:", lambda loader, suffix, node: suffix)
-    return yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"), Reader)
+    MkdocsReader.add_multi_constructor("tag:yaml.org,2002:python/name:", lambda loader, suffix, node: suffix)
+    return yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"), MkdocsReader)
 
 
 def test_every_page_is_in_the_navigation_of_the_website_once() -> None:

@@ -25,7 +25,7 @@ SERVICES = {"server", "database", "redis"}
 EXEC = "docker compose exec server kitchenmind "
 ONE_EPISODE = r"^\w+ +1 +25 +0$"  # layout, episodes, timesteps, different
 LOSE_A_TABLE = "docker compose exec -T database psql --username kitchenmind --command 'DROP TABLE ticks CASCADE'"
-BUILT_WITHIN_S, HEALTHY_WITHIN_S, STOPPED_WITHIN_S = 1500, 60, 30  # the last two: the guide's words
+BUILT_TIMEOUT_S, HEALTHY_TIMEOUT_S, STOPPED_TIMEOUT_S = 1500, 60, 30  # the last two: the guide's words
 
 
 @cache
@@ -42,7 +42,7 @@ def compose() -> str:
 
 
 @dataclass(kw_only=True)
-class Machine(guide_machine.Machine):
+class DockerMachine(guide_machine.GuideMachine):
     """With Docker; the project is named by the folder."""
 
     def names(self) -> dict[str, str]:
@@ -67,10 +67,10 @@ class Machine(guide_machine.Machine):
 
 
 @pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    """A checkout of its own, whose port is a free one; nothing of it is left in the engine."""
+def machine(tmp_path: Path) -> Iterator[DockerMachine]:
+    """A separate checkout, whose port is a free one; nothing of it is left in the engine."""
     compose()
-    made = Machine(folder=tmp_path / f"kitchenmind_guide_{os.getpid()}")
+    made = DockerMachine(folder=tmp_path / f"kitchenmind_guide_{os.getpid()}")
     for name in subprocess.run(
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split():
@@ -90,11 +90,11 @@ def commands(block: str) -> list[str]:
 
 
 async def test_every_command_for_containers_does_what_the_guide_says(
-    machine: Machine, monkeypatch: pytest.MonkeyPatch
+    machine: DockerMachine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for line in commands(block("python3 -c")):
-        machine.does(line, within_s=BUILT_WITHIN_S)
-    deadline = time.monotonic() + HEALTHY_WITHIN_S
+        machine.does(line, within_s=BUILT_TIMEOUT_S)
+    deadline = time.monotonic() + HEALTHY_TIMEOUT_S
     while {state["health"] for state in machine.containers().values()} != {"healthy"}:
         assert time.monotonic() < deadline, machine.does("docker compose ps; docker compose logs --tail 100")
         time.sleep(0.5)
@@ -112,7 +112,7 @@ async def test_every_command_for_containers_does_what_the_guide_says(
         machine.does(backup)
         began = time.monotonic()
         machine.does(stop)
-        assert time.monotonic() - began < STOPPED_WITHIN_S
+        assert time.monotonic() - began < STOPPED_TIMEOUT_S
         assert machine.containers()["server"] | {"health": ""} == {"status": "exited", "health": "", "exit": "0"}
         machine.does(LOSE_A_TABLE)
         machine.does(restore)

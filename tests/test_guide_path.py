@@ -7,25 +7,25 @@ from pathlib import Path
 import pytest
 
 from tests.support.databases import with_tables
-from tests.support.guide_machine import OWN, Machine, block, nginx_with
+from tests.support.guide_machine import OWN, GuideMachine, block, nginx_with
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(280)]
 
 
-def keeps_the_path(machine: Machine) -> list[str]:
+def keeps_the_path(machine: GuideMachine) -> list[str]:
     return nginx_with(machine, machine.ours(block("location /kitchen/ {")))
 
 
-def removes_the_path(machine: Machine) -> list[str]:
+def removes_the_path(machine: GuideMachine) -> list[str]:
     own = machine.ours(block("location /kitchen/ {"))
     return nginx_with(machine, own.replace(f"127.0.0.1:{machine.http};", f"127.0.0.1:{machine.http}/;"))
 
 
 @pytest.mark.parametrize("proxy", [keeps_the_path, removes_the_path])
 async def test_a_person_plays_behind_a_path_of_nginx(
-    proxy: Callable[[Machine], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    proxy: Callable[[GuideMachine], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    machine = Machine(folder=tmp_path, path="/kitchen")
+    machine = GuideMachine(folder=tmp_path, path="/kitchen")
     settings = machine.make_settings()
     assert "/kitchen" in settings
     given = dict(line.split("=", 1) for line in settings.splitlines())

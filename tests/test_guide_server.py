@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.postgres, pytest.mark.timeout(280)]
 
 
 @dataclass(kw_only=True)
-class Machine(guide_machine.Machine):
+class ServerMachine(guide_machine.GuideMachine):
     """With the system's PostgreSQL and Redis; `user` is who gives the next command."""
 
     postgres: PostgresServer
@@ -35,12 +35,12 @@ class Machine(guide_machine.Machine):
 
 
 @pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
+def machine(tmp_path: Path) -> Iterator[ServerMachine]:
     """With an empty PostgreSQL of the user `postgres`."""
     postgres, redis = PostgresServer(), RedisServer()
     folder = tmp_path / "srv"
     folder.mkdir()
-    made = Machine(folder=folder, postgres=postgres, redis=redis)
+    made = ServerMachine(folder=folder, postgres=postgres, redis=redis)
     made.does("psql postgres --command 'CREATE ROLE postgres SUPERUSER LOGIN'")
     made.does("psql postgres --command 'ALTER ROLE kitchenmind RENAME TO somebody'", PGUSER="postgres")
     yield made
@@ -49,12 +49,12 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
 
 
 @pytest.fixture
-def settings(machine: Machine) -> str:
+def settings(machine: ServerMachine) -> str:
     return machine.make_settings()
 
 
 @pytest.fixture(params=[nginx, caddy], ids=["nginx", "caddy"])
-def proxy(machine: Machine, request: pytest.FixtureRequest) -> Iterator[None]:
+def proxy(machine: ServerMachine, request: pytest.FixtureRequest) -> Iterator[None]:
     """TLS in front."""
     with machine.proxy(request.param):
         yield
@@ -71,7 +71,7 @@ def unit() -> dict[str, list[str]]:
 
 
 @pytest.fixture
-def service(machine: Machine, settings: str, proxy: None) -> "Iterator[subprocess.Popen[bytes]]":
+def service(machine: ServerMachine, settings: str, proxy: None) -> "Iterator[subprocess.Popen[bytes]]":
     """What systemd would run, with the environment that it would give; up when the proxy says that it is ready."""
     for line in block("sudo -u postgres").splitlines():
         machine.does(line, PGUSER="postgres")
@@ -83,26 +83,26 @@ def service(machine: Machine, settings: str, proxy: None) -> "Iterator[subproces
     with (machine.folder / "log").open("wb") as log:
         running = subprocess.Popen(words, cwd=machine.folder, env=environment, stdout=log, stderr=log)
 
-    def said() -> str:
+    def output() -> str:
         text = (machine.folder / "log").read_text()
         assert running.poll() is None, text
         return text
 
     try:
-        machine.until_ready(said)
+        machine.until_ready(output)
         yield running
     finally:
         running.kill()
         running.wait()
 
 
-def test_settings_file_holds_the_secrets_and_is_nobody_elses(machine: Machine, settings: str) -> None:
+def test_settings_file_holds_the_secrets_and_is_nobody_elses(machine: ServerMachine, settings: str) -> None:
     assert (machine.folder / ".env").stat().st_mode & 0o077 == 0
     names = [line.partition("=")[0] for line in settings.splitlines()]
     assert names == ["KITCHENMIND_SECRET", "POSTGRES_PASSWORD", "KITCHENMIND_PUBLIC_URL", "KITCHENMIND_STUDIES"]
 
 
-def test_systemd_takes_the_unit(machine: Machine) -> None:
+def test_systemd_takes_the_unit(machine: ServerMachine) -> None:
     if shutil.which("systemd-analyze") is None:
         pytest.skip("systemd is not installed here")
     file = machine.folder / "kitchenmind.service"
@@ -113,7 +113,7 @@ def test_systemd_takes_the_unit(machine: Machine) -> None:
 
 
 async def test_a_person_plays_through_tls_on_what_the_guide_sets_up(
-    machine: Machine, service: "subprocess.Popen[bytes]", monkeypatch: pytest.MonkeyPatch
+    machine: ServerMachine, service: "subprocess.Popen[bytes]", monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await machine.play(monkeypatch)
     doctor = machine.does(f"{OWN} doctor", KITCHENMIND_PORT="0", KITCHENMIND_DATABASE="postgresql:///kitchenmind")

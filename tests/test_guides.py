@@ -1,4 +1,4 @@
-"""The guides do what they say: their commands are run, in their order, each guide in a folder of its own.
+"""The guides do what they say: their commands are run, in their order, each guide in a separate folder.
 
 A block marked `sh` is run line by line and must succeed; `serve` must bring up a page and keeps running.
 A block marked `yaml FILE` gives these keys to FILE, one marked `text FILE` or `python FILE` writes it. Blocks without a
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parent.parent
 GUIDES = sorted(page for folder in ("tutorials", "guides") for page in (ROOT / "docs" / folder).glob("*.md"))
 BLOCK = re.compile(r"^```(?P<mark>[^\n]*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 LINKED = ("studies", "docs", "tests", "overcooked")
-WITHIN_S = 120.0
+TIMEOUT_S = 120.0
 
 
 def blocks(guide: Path) -> list[tuple[str, str]]:
@@ -40,7 +40,7 @@ def is_run(guide: Path) -> bool:
     return any(mark == "sh" for mark, _ in blocks(guide))
 
 
-class Reader:
+class GuideReader:
     """Somebody who follows a guide to the letter."""
 
     def __init__(self, folder: Path) -> None:
@@ -71,7 +71,7 @@ class Reader:
         if words[0] == "make":
             words = ["make", "--dry-run", "--directory", str(ROOT), *words[1:]]
         done = subprocess.run(
-            _program(words), cwd=self.folder, env=environment, capture_output=True, text=True, timeout=WITHIN_S
+            _program(words), cwd=self.folder, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S
         )
         assert done.returncode == 0, f"{shlex.join(words)}\n{done.stdout}{done.stderr}"
 
@@ -84,7 +84,7 @@ class Reader:
         assert self.serving.stdout is not None
         with selectors.DefaultSelector() as selector:
             selector.register(self.serving.stdout, selectors.EVENT_READ)
-            deadline = time.monotonic() + WITHIN_S
+            deadline = time.monotonic() + TIMEOUT_S
             line = ""
             while "http://" not in line:
                 assert selector.select(deadline - time.monotonic()), f"{shlex.join(words)}: no address"
@@ -122,8 +122,8 @@ def _program(words: list[str]) -> list[str]:
 
 
 @pytest.fixture
-def reader(tmp_path: Path) -> Iterator[Reader]:
-    somebody = Reader(tmp_path)
+def reader(tmp_path: Path) -> Iterator[GuideReader]:
+    somebody = GuideReader(tmp_path)
     yield somebody
     somebody.leave()
 
@@ -131,7 +131,7 @@ def reader(tmp_path: Path) -> Iterator[Reader]:
 @pytest.mark.slow
 @pytest.mark.timeout(280)
 @pytest.mark.parametrize("guide", [guide for guide in GUIDES if is_run(guide)], ids=lambda guide: guide.stem)
-def test_guide_leads_where_it_says(guide: Path, reader: Reader) -> None:
+def test_the_links_of_the_guide_lead_to_the_named_pages(guide: Path, reader: GuideReader) -> None:
     for mark, text in blocks(guide):
         reader.follow(mark, text)
 

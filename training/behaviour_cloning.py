@@ -38,7 +38,7 @@ _DATA = Path(__file__).parent.parent / "tests" / "data"
 NAME = "human_bc"
 # behaviour-cloned humans get stuck far more than people do
 LIKE_PEOPLE = Mode(temperature=1.0, stuck_after=3, stuck_mix=0.5)
-CLONES_OF_A_KIND = 3
+NETWORKS_OF_A_KIND = 3
 
 
 @dataclass(frozen=True)
@@ -117,13 +117,13 @@ def companions(count: int) -> dict[str, tuple[CloningConfig, Mode]]:
         (CloningConfig(learnt, noise=0.3), patient),
     )
     found = {}
-    for number, (last, (config, mode), _) in enumerate(product(learnt, kinds, range(CLONES_OF_A_KIND))):
+    for number, (last, (config, mode), _) in enumerate(product(learnt, kinds, range(NETWORKS_OF_A_KIND))):
         games = (*(game for game in learnt if game != last), last)
         found[f"human_{number:02}"] = replace(config, games=games, seed=number), mode
     return found
 
 
-def clone(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[MlpPolicy, dict[str, float]]:
+def train_human_bc(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[MlpPolicy, dict[str, float]]:
     """Train the network, and return it with its figures on the held-out game."""
     torch.manual_seed(config.seed)
     draws = np.random.default_rng(config.seed)
@@ -149,10 +149,10 @@ def clone(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[Mlp
             loss.backward()  # type: ignore[no-untyped-call]
             optimiser.step()
         with torch.inference_mode():
-            said = network.from_columns(entries[apart])[0]
+            logits = network.from_columns(entries[apart])[0]
             figures = {
-                "loss": float(functional.cross_entropy(said, actions[apart])),
-                "accuracy": float((said.argmax(1) == actions[apart]).float().mean()),
+                "loss": float(functional.cross_entropy(logits, actions[apart])),
+                "accuracy": float((logits.argmax(1) == actions[apart]).float().mean()),
             }
         if figures["loss"] < best["loss"]:
             best, kept = {**figures, "epochs": epoch + 1}, {k: v.clone() for k, v in network.state_dict().items()}
@@ -176,12 +176,12 @@ def make_companions(folder: Path, layout: Layout, recorded: Path | None = None) 
         made.append(folder / name)
         if made[-1].is_dir():
             continue
-        network, figures = clone(games, layout, config)
-        save_clone(folder / name, network, layout, config, figures, mode)
+        network, figures = train_human_bc(games, layout, config)
+        save_human_bc(folder / name, network, layout, config, figures, mode)
     return made
 
 
-def save_clone(
+def save_human_bc(
     folder: Path,
     network: MlpPolicy,
     layout: Layout,
@@ -246,9 +246,9 @@ def main() -> None:
         return
     games = read_human_games(arguments.recordings or recordings(layout), layout)
     config = CloningConfig(measured_games(games.count))
-    network, figures = clone(games, layout, config)
+    network, figures = train_human_bc(games, layout, config)
     folder = arguments.out or WEIGHTS / layout.name / NAME
-    save_clone(folder, network, layout, config, figures)
+    save_human_bc(folder, network, layout, config, figures)
     print(f"{folder}: right in {figures['accuracy']:.1%} of a game it never saw")
 
 

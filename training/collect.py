@@ -136,7 +136,8 @@ def read_shard(folder: Path, name: str, sha256: str) -> Shard:
 
 
 def games_with(layout: Layout, target: Target, partner: Partner, plan: CollectionPlan) -> Shard:
-    """The target's games with one partner: 4 settings x `trajectories` games G of T timesteps. Arrays, target first:
+    """Return the target's games with one partner: 4 settings x `trajectories` games G of T timesteps. Arrays, target
+    first:
 
     `players` (G, T, 2, 4) as in the state (by seat), `contents` (G, T, width, height), `timestep` (G, T), `actions`
     (G, T, 2) own first, `law` (G, T, 6) of the target's action, `stuck` (G, T, 2) own first, `seat` (G,) the target's.

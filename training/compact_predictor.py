@@ -57,8 +57,8 @@ def compact(
         with_baseline(measured, checkpoint.config["measured_intentions"])
         config["measured_intentions"] = measured
         lines[publish_intentions.HEADING] = publish_intentions.figures(measured)
-    said = f"| stored with | {BITS} bits for each weight of a matrix; mean accuracy before: {100 * before:.2f} % |"
-    save_checkpoint(out, config, rounded.tensors, _card(checkpoint.card, lines, said), BITS)
+    line = f"| stored with | {BITS} bits for each weight of a matrix; mean accuracy before: {100 * before:.2f} % |"
+    save_checkpoint(out, config, rounded.tensors, _card(checkpoint.card, lines, line), BITS)
     return Compacted(before, result.accuracy.mean, size, _size(out))
 
 
@@ -78,14 +78,14 @@ def with_baseline(measured: dict[str, Any], earlier: Mapping[str, Any]) -> None:
             values["frequent"] = earlier["before"][timesteps]["frequent"]
 
 
-def _card(text: str, figures: dict[str, list[str]], said: str) -> str:
+def _card(text: str, figures: dict[str, list[str]], line: str) -> str:
     """Return the card with other figures (first line -> lines, up to the table of how it was trained) and one more row
     in the first of these tables."""
     for first, lines in figures.items():
         before, found, after = text.partition(first)
         if found:
             text = before + "\n".join([*lines, "", HOW]) + after.partition(HOW)[2]
-    return text.replace(f"{HOW}\n|---|---|\n", f"{HOW}\n|---|---|\n{said}\n", 1)
+    return text.replace(f"{HOW}\n|---|---|\n", f"{HOW}\n|---|---|\n{line}\n", 1)
 
 
 def _size(folder: Path) -> int:

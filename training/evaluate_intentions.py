@@ -23,31 +23,31 @@ Places = NDArray[np.int64]  # in `possible_interactions(layout)`
 
 
 @dataclass(frozen=True)
-class SaidIntentions:
+class EvaluatedIntentions:
     """A predictor's intentions in N states, the actual next interaction, and the baselines in those states that are
     `BEFORE`."""
 
-    said: Places
+    predicted: Places
     second: Places  # the runner-up
     probability: NDArray[np.float32]
-    when: NDArray[np.int64]  # the timesteps said for what was said
+    when: NDArray[np.int64]  # the predicted number of timesteps
     classes: Places  # what came
     steps: NDArray[np.int64]
     frequent: Places
     nearest: Places  # UNKNOWN where it was not asked
 
 
-def said_intentions(
+def predicted_intentions(
     network: PredictorNetwork, shards: Sequence[Shard], layout: Layout, frequent: FrequentNext
-) -> SaidIntentions:
+) -> EvaluatedIntentions:
     """Return the predictions of the network's decoder of intentions for every state whose next interaction is known."""
     parts = [_of_shard(network, shard, layout, frequent) for shard in shards]
-    return SaidIntentions(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in SaidIntentions.__dataclass_fields__)
+    return EvaluatedIntentions(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in EvaluatedIntentions.__dataclass_fields__)
     )
 
 
-def _of_shard(network: PredictorNetwork, shard: Shard, layout: Layout, frequent: FrequentNext) -> SaidIntentions:
+def _of_shard(network: PredictorNetwork, shard: Shard, layout: Layout, frequent: FrequentNext) -> EvaluatedIntentions:
     labels = labels_of(shard, layout)
     tokens = over_all_states(network, episodes_of(shard, layout, network.encoder), network.tokens_of_all_layers)
     known = labels.classes != UNKNOWN
@@ -56,8 +56,8 @@ def _of_shard(network: PredictorNetwork, shard: Shard, layout: Layout, frequent:
     shape = shard["timestep"].shape
     nearest[asked] = nearest_sensible(shard, layout, asked.reshape(shape))
     likeliest, probability, when = _decoded(network, tokens[torch.from_numpy(known)])
-    return SaidIntentions(
-        said=likeliest[:, 0],
+    return EvaluatedIntentions(
+        predicted=likeliest[:, 0],
         second=likeliest[:, 1],
         probability=probability,
         when=when,
@@ -81,32 +81,32 @@ def _decoded(network: PredictorNetwork, tokens: torch.Tensor) -> tuple[Places, N
     return top.indices.numpy(), top.values[:, 0].numpy(), when.numpy()
 
 
-def intention_entry(said: SaidIntentions, layout: Layout) -> dict[str, Any]:
+def intention_entry(found: EvaluatedIntentions, layout: Layout) -> dict[str, Any]:
     """Return the figures as JSON values: shares in %, by timesteps before the interaction is done, and over all
     states."""
     kinds = np.array([interaction.kind for interaction in possible_interactions(layout)])
-    right, something = said.said == said.classes, said.classes != NOTHING_HAPPENS
+    right, something = found.predicted == found.classes, found.classes != NOTHING_HAPPENS
     both = right & something
     before = {}
     for timesteps in BEFORE:
-        these = said.steps == timesteps
+        these = found.steps == timesteps
         before[str(timesteps)] = {
             "states": int(these.sum()),
-            "kind": _percent(kinds[said.said] == kinds[said.classes], these),
+            "kind": _percent(kinds[found.predicted] == kinds[found.classes], these),
             "kind_and_station": _percent(right, these),
-            "first_two": _percent(right | (said.second == said.classes), these),
-            "nearest_sensible": _percent(said.nearest == said.classes, these),
-            "frequent": _percent(said.frequent == said.classes, these),
-            "when_error": _mean(np.abs(said.when - said.steps), both & these),
+            "first_two": _percent(right | (found.second == found.classes), these),
+            "nearest_sensible": _percent(found.nearest == found.classes, these),
+            "frequent": _percent(found.frequent == found.classes, these),
+            "when_error": _mean(np.abs(found.when - found.steps), both & these),
         }
     return {
         "before": before,
         "all_states": _percent(right, np.ones_like(right)),
         "none": _percent(right, ~something),
         "none_share": _percent(~something, np.ones_like(right)),
-        "frequent": _percent(said.frequent == said.classes, np.ones_like(right)),
-        "ece": round(calibration_error(said.probability, right), 4),
-        "when_error": _mean(np.abs(said.when - said.steps), both),
+        "frequent": _percent(found.frequent == found.classes, np.ones_like(right)),
+        "ece": round(calibration_error(found.probability, right), 4),
+        "when_error": _mean(np.abs(found.when - found.steps), both),
         "states": len(right),
     }
 

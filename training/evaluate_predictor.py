@@ -88,24 +88,24 @@ def over_all_states(network: PredictorNetwork, episodes: Episodes, answer: Calla
         some = slice(first, first + _AT_ONCE["window"])
         features, actions, present, _ = window_batch(episodes, labels, rows[some], last[some])
         parts.append(answer(*(part.to(device) for part in (features, actions, present))).cpu())
-    said = torch.cat(parts)
-    return said.view(len(every), timesteps, *said.shape[1:])
+    logit_values = torch.cat(parts)
+    return logit_values.view(len(every), timesteps, *logit_values.shape[1:])
 
 
 def evaluate(network: PredictorNetwork, episodes: Episodes, frequent_action: int | None = None) -> Evaluation:
     """`frequent_action`: the target's most frequent one in training; None: in these games (which flatters the
     baseline)."""
-    said, labels = logits(network, episodes), torch.from_numpy(episodes.labels())
+    logit_values, labels = logits(network, episodes), torch.from_numpy(episodes.labels())
     known = labels != NONE
-    right = (said.argmax(-1) == labels) & known
+    right = (logit_values.argmax(-1) == labels) & known
     repeated = torch.from_numpy(np.maximum(episodes.before[..., :1], 0).astype(np.int64))
     if frequent_action is None:
         frequent_action = int(np.bincount(episodes.own.ravel(), minlength=ACTIONS).argmax())
     frequent = (labels == frequent_action) & known
     repeat = (labels == repeated) & known
     free = torch.from_numpy((episodes.stuck < STUCK_AFTER).all(-1))[..., None] & known
-    top = said.softmax(-1).amax(-1)
-    loss = torch.nn.functional.cross_entropy(said.flatten(0, 2), labels.flatten(), ignore_index=NONE)
+    top = logit_values.softmax(-1).amax(-1)
+    loss = torch.nn.functional.cross_entropy(logit_values.flatten(0, 2), labels.flatten(), ignore_index=NONE)
     return Evaluation(
         accuracy=_share(right, known),
         repeat=_share(repeat, known),
@@ -129,14 +129,14 @@ def calibration_error(confidence: NDArray[np.floating[Any]], right: NDArray[np.b
     return float(gaps.sum() / counts.sum())
 
 
-def fitted_temperature(said: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+def fitted_temperature(logit_values: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     """Return (STEPS,): the divisors of the logits (E, T, 3, 6) that maximise the likelihood of the labels. [temperature
     scaling]"""
     candidates = torch.logspace(-0.5, 0.7, 61)
     chosen = []
     for step in range(STEPS):
         known = labels[..., step] != NONE
-        own, wanted = said[..., step, :][known], labels[..., step][known]
+        own, wanted = logit_values[..., step, :][known], labels[..., step][known]
         losses = [float(torch.nn.functional.cross_entropy(own / candidate, wanted)) for candidate in candidates]
         chosen.append(candidates[int(np.argmin(losses))])
     return torch.stack(chosen)

@@ -39,7 +39,7 @@ class FastPath(Protocol):
     def __call__(self, entries: Tensor) -> tuple[Tensor, Tensor]: ...
 
     def frozen(self) -> Function:
-        """The same function with the weights as they are now, for many calls without learning."""
+        """Return the same function with the weights as they are now, for many calls without learning."""
         ...
 
 
@@ -119,7 +119,8 @@ class FastCnn:
         return partial(self._forward, self._prepared())
 
     def _prepared(self) -> tuple[Tensor, list[tuple[Tensor, Tensor]]]:
-        """What depends on the weights alone: the first layer's constant part and the dense matrices with biases."""
+        """Return what depends on the weights alone: the first layer's constant part and the dense matrices with
+        biases."""
         form = self.compute.form
         if form == "direct":
             return self._static, []
@@ -229,7 +230,7 @@ class Scattered(torch.autograd.Function):
 
 
 def fast_path(network: Network, layout: Layout, compute: Compute) -> FastPath:
-    """The network in the given form; it must already be on the device."""
+    """Return the network in the given form; it must already be on the device."""
     kind = FastMlp if isinstance(network, MlpPolicy) else FastCnn
     return kind(network, layout, compute)  # type: ignore[arg-type]
 

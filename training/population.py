@@ -19,7 +19,7 @@ from training.collect import TRAIN, Partner, Target, split_by_agent
 from training.compute import collecting_device
 
 _MEMBER = re.compile(r"^(?:population_)?(?P<kind>sp|fcp)_(?P<seed>\d+)_(?P<skill>\d+)$")
-FEWEST_PARTNERS = 3  # partner agents
+MIN_PARTNERS = 3  # partner agents
 _NOISES = (0.15, 0.3, 0.6)  # shares of random actions among the extras
 
 
@@ -78,7 +78,7 @@ def load_partner_folder(folder: Path, layout: Layout) -> list[Partner]:
         agent = f"{member['kind']}_{member['seed']}" if member else name
         partners.append(Partner(name, agent, "partner", load_agent(str(place.absolute()), layout).policy))
     agents = sorted({partner.agent for partner in partners})
-    if len(agents) < FEWEST_PARTNERS:
+    if len(agents) < MIN_PARTNERS:
         found = f"{len(agents)} agents ({', '.join(agents)})" if agents else "no agents"
         raise CheckpointError(f"{folder}: {found} are there. {how_to_get_partners(layout)}")
     return partners
@@ -88,7 +88,7 @@ def how_to_get_partners(layout: Layout) -> str:
     """Return which partners are needed and the commands that make them, for a message."""
     place = layout.name if bundled_grid(layout.name) == layout.text else f"{layout.name}.layout"
     return (
-        f"A predictor learns from games with at least {FEWEST_PARTNERS} other agents of the kitchen: one is kept for "
+        f"A predictor learns from games with at least {MIN_PARTNERS} other agents of the kitchen: one is kept for "
         "validation, one for the test. Train some: "
         f"`kitchenmind train agent --layout {place} --seed 1 --out partners/1`, "
         "again with --seed 2 --out partners/2 and so on, then give their folder: --partners partners. "
@@ -119,9 +119,9 @@ def load_extras(folders: Mapping[str, Path], layout: Layout) -> list[Partner]:
 def with_itself_and_extras(
     target: Target, population: Sequence[Partner], layout: Layout, extras: bool = True
 ) -> list[Partner]:
-    """The paper's 31 partners: the target itself and the population; and, if wanted, extras that are only trained on:
-    noisy copies of the target, noisy agents of the training split at all their skills, the scripted planner, and the
-    random agent."""
+    """Return the paper's 31 partners: the target itself and the population; and, if wanted, extras that are only
+    trained on: noisy copies of the target, noisy agents of the training split at all their skills, the scripted
+    planner, and the random agent."""
     itself = Partner("itself", "itself", "self", target.policy)
     everybody = [itself, *population]
     if not extras:

@@ -46,7 +46,7 @@ class SeatRows:
         self.games = self_play + taken
         both = np.arange(PLAYERS * self_play)
         games = np.arange(self_play, self.games)  # each partner's games lie together and its seat alternates
-        self.learner = np.concatenate([both, PLAYERS * games + (games % 2)])  # (rows of the ego agent,)
+        self.ego = np.concatenate([both, PLAYERS * games + (games % 2)])  # (rows of the ego agent,)
         self.partner = PLAYERS * games + 1 - (games % 2)  # (rows of the partners,)
 
 
@@ -73,7 +73,7 @@ class PpoTrainer:
         self.timesteps = 0
         if config.imitation_updates:
             imitate(self.fast, self.optimizer, layout, config, seed)
-        games, rows, T = self.seats.games, len(self.seats.learner), config.num_steps
+        games, rows, T = self.seats.games, len(self.seats.ego), config.num_steps
         self.observations = np.zeros((games, *self.env.observation_shape), np.int8)
         self.env.encode(self.observations)
         # The rollout of the ego agent: (timesteps, rows) and one more value.
@@ -96,7 +96,7 @@ class PpoTrainer:
         entropy_weight = _falling(config.ent_coef, config.final_ent_coef, self.timesteps, config.ent_coef_timesteps)
         shaping = _falling(1.0, 0.0, self.timesteps, config.shaping_timesteps)
         self._play(random, shaping)
-        dones = self.dones[:, self.seats.learner // PLAYERS]  # (timesteps, rows)
+        dones = self.dones[:, self.seats.ego // PLAYERS]  # (timesteps, rows)
         advantages = advantage_estimates(self.rewards, self.values, dones, config.gamma, config.gae_lambda)
         metrics = self._learn(random, advantages, entropy_weight)
         self.timesteps += config.num_steps * self.seats.games
@@ -125,9 +125,9 @@ class PpoTrainer:
             (len(seats.partner), 0 if partner_columns is None else len(partner_columns)), np.int8
         )
         for t in range(config.num_steps):
-            gather(flat, seats.learner, self.fast.columns, self.entries.host[t])
+            gather(flat, seats.ego, self.fast.columns, self.entries.host[t])
             logits, values = frozen(self.entries.on_device(t))
-            draw(logits.cpu().numpy(), uniform[t], seats.learner, joint, self.actions[t], self.log_probabilities[t])
+            draw(logits.cpu().numpy(), uniform[t], seats.ego, joint, self.actions[t], self.log_probabilities[t])
             self.values[t] = values.cpu().numpy()
             if self.partners is not None:
                 gather(flat, seats.partner, partner_columns, partner_entries)
@@ -136,8 +136,8 @@ class PpoTrainer:
             if config.dish_shaping != DISH_REWARD:
                 shaped -= (DISH_REWARD - config.dish_shaping) * (self.env.events & USEFUL_DISH_PICKUP > 0)
             points = sparse.sum(1, keepdims=True) + shaping * shaped  # (games, players): the team's points, own shaping
-            self.rewards[t] = config.reward_scale * points.reshape(-1)[seats.learner]
-        gather(flat, seats.learner, self.fast.columns, self.entries.host[-1])
+            self.rewards[t] = config.reward_scale * points.reshape(-1)[seats.ego]
+        gather(flat, seats.ego, self.fast.columns, self.entries.host[-1])
         self.values[-1] = frozen(self.entries.on_device(-1))[1].cpu().numpy()
 
     def _learn(

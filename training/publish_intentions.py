@@ -19,7 +19,7 @@ from training.collect import (
     games_with,
     read_manifest,
 )
-from training.evaluate_intentions import intention_entry, said_intentions
+from training.evaluate_intentions import intention_entry, predicted_intentions
 from training.intention_baselines import FrequentNext
 from training.predictor_config import IntentionSettings
 from training.publish_predictor import HOW, partners_met
@@ -50,7 +50,7 @@ def add_intentions(
     validation = states_of(read_shards(games, VALIDATION, settings.states // 3), layout, network)
     network.intentions = train_intentions(network, layout, train, validation, settings, report)
     frequent = FrequentNext(shards, layout)
-    measured = intention_entry(said_intentions(network, read_shards(games, TEST), layout, frequent), layout)
+    measured = intention_entry(predicted_intentions(network, read_shards(games, TEST), layout, frequent), layout)
     how = {"states": len(train), **partners_met(manifest), "settings": settings.stored(), "code revision": revision()}
     write_intentions(checkpoint, network.intentions, measured, how, out)
     return measured
@@ -70,7 +70,7 @@ def measured_intentions(
     counted = CollectionPlan(1, plan.timesteps, plan.seed)
     frequent = FrequentNext([games_with(layout, target, partner, counted) for partner in known], layout)
     shards = [games_with(layout, target, partner, plan) for partner in partners]
-    return intention_entry(said_intentions(network, shards, layout, frequent), layout)
+    return intention_entry(predicted_intentions(network, shards, layout, frequent), layout)
 
 
 def write_intentions(

@@ -37,15 +37,15 @@ def unseen_games(
     plan: CollectionPlan,
     partner: str | None = None,
 ) -> Episodes:
-    """The agent's games with the test partners of a population (a folder, or the partners themselves), or with one
-    other agent in the mode of studies, played again (the same seed gives the same games)."""
+    """Return the agent's games with the test partners of a population (a folder, or the partners themselves), or with
+    one other agent in the mode of studies, played again (the same seed gives the same games)."""
     others = unseen_partners(layout, population, partner)
     return games_of(layout, target, others, network, plan)
 
 
 def unseen_partners(layout: Layout, population: Path | Sequence[Partner], partner: str | None = None) -> list[Partner]:
-    """The test partners of a population (a folder, or the partners themselves), or one other agent in the mode of
-    studies."""
+    """Return the test partners of a population (a folder, or the partners themselves), or one other agent in the mode
+    of studies."""
     if partner is not None:
         return [Partner(partner, partner, "extra", *load_agent(partner, layout))]
     return partners_in(TEST, layout, population)

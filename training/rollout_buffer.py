@@ -26,7 +26,7 @@ class Entries:
         return here
 
     def samples(self) -> Tensor:
-        """All but the last timestep, (timesteps * rows, columns)."""
+        """Return all but the last timestep, (timesteps * rows, columns)."""
         return self._device[:-1].flatten(0, 1)
 
 

@@ -92,7 +92,7 @@ class RunFolder:
             file.write(json.dumps(line) + "\n")
 
     def compute(self) -> str:
-        """Return what the run was computed with: one entry for each way, or "unknown" for a run of an older version."""
+        """Return the hardware and the form of the run, one entry for each; "unknown" for a run of an older version."""
         path = self.path / "compute.jsonl"
         lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         return "; ".join(dict.fromkeys(json.loads(line)["chosen"] for line in lines)) or "unknown"

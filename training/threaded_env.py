@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from overcooked.layout import Layout
 from overcooked.vector_env import Finished, Starts, VectorEnv
 
-_MOST_THREADS = 16
+_MAX_THREADS = 16
 
 
 def threads_for(device: str) -> int:
     """Return how many threads step the games: one on the CPU, whose cores train other agents; all cores for a GPU."""
-    return 1 if device == "cpu" else min(os.cpu_count() or 1, _MOST_THREADS)
+    return 1 if device == "cpu" else min(os.cpu_count() or 1, _MAX_THREADS)
 
 
 def threaded_env(

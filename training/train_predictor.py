@@ -146,8 +146,8 @@ class PredictorTrainer:
     def use_best(self) -> None:
         """Load the best weights into the network, and calibrate it on validation."""
         self._load(self.best)
-        said = logits(self.network, self.validation) * self.network.temperature.cpu()[:, None]
-        self.network.temperature.copy_(fitted_temperature(said, torch.from_numpy(self.validation.labels())))
+        logit_values = logits(self.network, self.validation) * self.network.temperature.cpu()[:, None]
+        self.network.temperature.copy_(fitted_temperature(logit_values, torch.from_numpy(self.validation.labels())))
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
         """Return everything that determines how training continues, for a run folder."""
@@ -192,9 +192,9 @@ class PredictorTrainer:
                 value.copy_(values[name])
 
 
-def _cross_entropy(said: Tensor, labels: Tensor) -> Tensor:
+def _cross_entropy(logit_values: Tensor, labels: Tensor) -> Tensor:
     """Summed over the three steps: logits of (..., 3, 6), labels (..., 3)."""
-    return functional.cross_entropy(said.float().view(-1, ACTIONS), labels.flatten(), ignore_index=NONE) * STEPS
+    return functional.cross_entropy(logit_values.float().view(-1, ACTIONS), labels.flatten(), ignore_index=NONE) * STEPS
 
 
 def prepared(
@@ -209,30 +209,30 @@ def prepared(
     `begin_with`: a predictor of the same kitchen and shape to start from. Raises ValueError or OSError if one of them
     cannot be used."""
     torch.manual_seed(config.seed)
-    learner = PredictorNetwork(layout, network)
+    model = PredictorNetwork(layout, network)
     if begin_with is not None:
-        _take_weights(learner, begin_with)
-    if learner.encoder.convolutions is not None:
+        _take_weights(model, begin_with)
+    if model.encoder.convolutions is not None:
         if encoder_from is None:
             raise ValueError("encoder = cnn: name the agent whose convolutions it has, --encoder-from FOLDER.")
         agent = load_network(encoder_from)
         if not isinstance(agent, CnnPolicy):
             raise ValueError(f"{encoder_from}: has no convolutions. Give an agent trained with network = cnn.")
-        learner.encoder.convolutions.load_state_dict(agent.features.state_dict())
-    episodes = [load_episodes(games, split, layout, learner.encoder) for split in (TRAIN, VALIDATION)]
-    return PredictorTrainer(learner, config, episodes[0], episodes[1])
+        model.encoder.convolutions.load_state_dict(agent.features.state_dict())
+    episodes = [load_episodes(games, split, layout, model.encoder) for split in (TRAIN, VALIDATION)]
+    return PredictorTrainer(model, config, episodes[0], episodes[1])
 
 
-def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
+def _take_weights(model: PredictorNetwork, folder: Path) -> None:
     other, _ = predictor_network(load_checkpoint(folder))
     try:
         other.intentions = None  # it was trained on the tokens of the other predictor
-        learner.load_state_dict(other.state_dict())
+        model.load_state_dict(other.state_dict())
     except RuntimeError as error:
         raise ValueError(
             f"{folder}: is for another kitchen or of another shape ({error}). Begin without it."
         ) from error
-    learner.temperature.fill_(1.0)
+    model.temperature.fill_(1.0)
 
 
 def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:

@@ -159,7 +159,7 @@ def _factor_lines(
 
 
 def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int]":
-    """The design to simulate, the plan and the number of participants. Raises ValueError with a remedy."""
+    """Return the design to simulate, the plan and the number of participants. Raises ValueError with a remedy."""
     from analysis.power import PowerDesign
 
     if arguments.source.is_dir():
@@ -203,8 +203,8 @@ def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, 
 
 
 def _from_export(folder: Path, arguments: argparse.Namespace, declared: "DeclaredTest | None" = None) -> StudyPlan:
-    """How reward varied in a pilot, and answers where the primary test (`declared`, else the pilot's own) is about
-    them."""
+    """Return how reward varied in a pilot, and answers where the primary test (`declared`, else the pilot's own) is
+    about them."""
     from analysis import measures, mixed_model, primary
     from analysis.declared import declaration_of
     from analysis.exclusions import versions_notice

@@ -1,6 +1,6 @@
 """Play games of simulated participants with the bundled agents in batches, for benchmarks/foresight.py. Each episode
 has the same person, seat and random numbers whatever is shown. The agent's third action ahead depends on what the
-participant does meanwhile; "true" takes it from a game that is played ahead.
+participant does in between; "true" takes it from a game that is played ahead.
 """
 
 from dataclasses import dataclass
@@ -137,8 +137,8 @@ def _arrows(
         seen = batch.kitchens.encode(horizon=HORIZON)[:, 1 - batch.seat].copy()
         last = batch.actions[:, ::-1] if batch.seat == 0 else batch.actions
         last = np.full_like(last, -1) if timestep == 0 else last
-        said = predictor.predict(np.arange(games), seen, np.ascontiguousarray(last, np.int8))
-        return said.argmax(2).astype(np.int64)
+        probabilities = predictor.predict(np.arange(games), seen, np.ascontiguousarray(last, np.int8))
+        return probabilities.argmax(2).astype(np.int64)
     return _true_arrows(batch, timestep, _errors(cell.right, games, chance))
 
 
@@ -176,7 +176,7 @@ def _collided(
 
 
 def _accuracy(shown: NDArray[np.int64], done: NDArray[np.int8]) -> NDArray[np.float64]:
-    """Return (games,): the share of arrows that came true, all three steps."""
+    """Return (games,): the share of correct arrows over all three steps."""
     if (shown == NO_ARROW).all():
         return np.full(shown.shape[1], np.nan)
     last = len(done) - ARROWS + 1

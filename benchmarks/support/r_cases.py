@@ -41,7 +41,7 @@ class Case:
 
 
 def _separated(answers: pl.DataFrame) -> pl.DataFrame:
-    """All answers with ToM above all others."""
+    """Return all answers with ToM above all others."""
     value = pl.when(pl.col("condition") == "tom").then(pl.col("value").clip(5, 7)).otherwise(pl.col("value").clip(1, 4))
     return answers.with_columns(value=value)
 

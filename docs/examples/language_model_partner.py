@@ -40,9 +40,9 @@ SYSTEM = (
     "You are a chef in a kitchen with another chef. A pot takes 3 onions, then cooks for 20 steps. A ready soup is "
     "taken out with a dish and served. Serve as many soups as you can. Answer with one word: the name of your goal."
 )
-ANSWER_WITHIN_S = 20.0
+ANSWER_TIMEOUT_S = 20.0
 REST_S = (1.0, 30.0)  # after a failure: at first, and at most
-MOST_PLANS = 500
+MAX_PLANS = 500
 
 
 class LanguageModelPartner:
@@ -55,7 +55,7 @@ class LanguageModelPartner:
         self.failures = 0
         self._wanted = None  # the newest situation without a plan: older ones are not worth asking about any more
         self._news = threading.Condition()
-        self._http = httpx.Client(timeout=ANSWER_WITHIN_S)
+        self._http = httpx.Client(timeout=ANSWER_TIMEOUT_S)
         self._is_closed = False
         self._thread = threading.Thread(target=self._plan_forever, daemon=True)
         self._thread.start()
@@ -103,7 +103,7 @@ class LanguageModelPartner:
             self.failures = 0
             self.latest[held] = goal
             self.plans[situation] = goal
-            while len(self.plans) > MOST_PLANS:
+            while len(self.plans) > MAX_PLANS:
                 self.plans.popitem(last=False)
 
     def _answer_of_the_model(self, held, situation):
@@ -123,10 +123,10 @@ class LanguageModelPartner:
             },
         )
         words = answer.raise_for_status().json()["choices"][0]["message"]["content"].lower()
-        said = {name: words.find(name) for name in POSSIBLE[held] if name in words}
-        if not said:
+        at = {name: words.find(name) for name in POSSIBLE[held] if name in words}
+        if not at:
             raise ValueError(f"it names none of the goals: {words[:60]!r}")
-        return min(said, key=said.get)
+        return min(at, key=at.get)
 
 
 def describe(seen: ParsedObservation) -> str:

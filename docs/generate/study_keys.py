@@ -57,7 +57,7 @@ class _Page:
         self.places = self._places()
         self.examples: dict[tuple[str, str], Any] = {}
         for name in EXAMPLES:
-            self._collect(yaml.load((ROOT / name).read_text(encoding="utf-8"), _Reader), schema, "")  # noqa: S506 a safe loader
+            self._collect(yaml.load((ROOT / name).read_text(encoding="utf-8"), _BooleanReader), schema, "")  # noqa: S506 a safe loader
 
     def lines(self) -> Iterator[str]:
         yield HEAD
@@ -161,7 +161,7 @@ class _Page:
         return str(kinds[question["type"]])
 
 
-class _Reader(yaml.SafeLoader):
+class _BooleanReader(yaml.SafeLoader):
     """Reads only true and false as booleans, like the loader of study files: No is a word."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012 a copy of the base class's

@@ -9,5 +9,5 @@ from kitchenmind.client.pages import ParsedPage as ParsedPage
 from kitchenmind.client.seen_kitchen import SeenKitchen as SeenKitchen
 from kitchenmind.client.study_client import ClientFailed as ClientFailed
 from kitchenmind.client.study_client import StudyClient as StudyClient
-from kitchenmind.client.study_client import StudyWalk as StudyWalk
-from kitchenmind.client.study_client import walk as walk
+from kitchenmind.client.study_client import StudyResult as StudyResult
+from kitchenmind.client.study_client import take_part as take_part

@@ -15,7 +15,7 @@ from server.play import messages
 from server.play.close_codes import CloseCode
 
 Message = TypeVar("Message")
-WITHIN_S: Final = 15.0  # longer than any countdown
+TIMEOUT_S: Final = 15.0  # longer than any countdown
 
 
 class Unmet(Exception):
@@ -25,7 +25,7 @@ class Unmet(Exception):
 class CheckedSockets:
     """One simulated participant of a study and their sockets."""
 
-    def __init__(self, url: str, study: str, secret: str = "", within_s: float = WITHIN_S) -> None:
+    def __init__(self, url: str, study: str, secret: str = "", within_s: float = TIMEOUT_S) -> None:
         """`within_s`: how long the server may take for an answer."""
         self.client = StudyClient(url, study, secret=secret)
         self.url, self.study, self.within_s = url.rstrip("/"), study, within_s

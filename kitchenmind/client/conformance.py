@@ -23,7 +23,7 @@ from server.play.close_codes import CloseCode
 
 _TIMESTEPS: Final = 8  # that are compared with the rules
 _APPLIED_WITHIN: Final = 25  # timesteps, on a slow line
-_MOST_PAGES: Final = 20
+_MAX_PAGES: Final = 20
 _CANNOT_CONNECT: Final = (OSError, TimeoutError, InvalidHandshake)
 
 
@@ -39,15 +39,15 @@ class Finding:
 class Conformance(CheckedSockets):
     """The checks, in their order, with one simulated participant of a study."""
 
-    async def run(self, told: Callable[[Finding], None] | None = None) -> list[Finding]:
-        """Run every check; `told` is called with each finding at once. Later checks also run if one fails."""
+    async def run(self, report: Callable[[Finding], None] | None = None) -> list[Finding]:
+        """Run every check; `report` is called with each finding at once. Later checks also run if one fails."""
         compile_rules()
         findings = []
         async with self.client:
             for check in self._checks():
                 findings.append(await _finding(check))
-                if told is not None:
-                    told(findings[-1])
+                if report is not None:
+                    report(findings[-1])
         return findings
 
     def _checks(self) -> list[Callable[[], Awaitable[None]]]:
@@ -107,13 +107,13 @@ class Conformance(CheckedSockets):
         """consent sets a cookie, and the pages lead to a game"""
         page = await self.client.consent()
         require(bool(self.client.token), "there is no cookie")
-        for _ in range(_MOST_PAGES):
+        for _ in range(_MAX_PAGES):
             if page.is_game:
                 return
             require(page.code is None, "the study ended before a game")
             require(not page.faults, f"a page came back for {', '.join(sorted(page.faults))}")
             page = await self.client.submit(page)
-        raise Unmet(f"there was no game in {_MOST_PAGES} pages")
+        raise Unmet(f"there was no game in {_MAX_PAGES} pages")
 
     async def other_messages_wait_for_hello(self) -> None:
         """a message before hello is refused as `hello_first`"""

@@ -21,7 +21,7 @@ from server.play.close_codes import CloseCode
 
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 _encoder = msgspec.json.Encoder()
-MOST_RECONNECTS: Final = 50
+MAX_RECONNECTS: Final = 50
 _FINAL: Final = frozenset({CloseCode.SUPERSEDED, CloseCode.NO_GAME})  # after these it does not connect again
 _NOT_OURS: Final = ("database", "researcher", "partner")  # pauses that this player does not end
 
@@ -95,7 +95,7 @@ class GameClient:
         played here. Raises ProtocolError, RuntimeError if the server takes this player for an abuser, and
         ConnectionError if there is no server."""
         compile_rules()
-        for attempt in range(MOST_RECONNECTS):
+        for attempt in range(MAX_RECONNECTS):
             try:
                 return await self._play_once()
             except SocketLeft:
@@ -113,7 +113,7 @@ class GameClient:
             self.lost()
             longest = min(self.longest_wait_s, self.first_wait_s * 2**attempt)
             await asyncio.sleep(longest * self._wait.uniform(0.5, 1.0))
-        raise ConnectionError(f"{self.url}: no game after {MOST_RECONNECTS} tries")
+        raise ConnectionError(f"{self.url}: no game after {MAX_RECONNECTS} tries")
 
     async def _play_once(self) -> messages.Ended:
         """Play on one connection. Raises what `play` handles."""

@@ -62,7 +62,7 @@ class ParsedPage(HTMLParser):
         return next((fields for action, fields in self.forms if action.endswith(path)), None)
 
     def step(self, path: str) -> str:
-        """The key of the page's step; empty if it is not a step."""
+        """Return the key of the page's step; empty if it is not a step."""
         fields = self.form(path) or {}
         return fields["step"][0].value if "step" in fields else ""
 

@@ -15,8 +15,8 @@ from kitchenmind.client.pages import Fields, ParsedPage, filled_in, page_of_json
 from server.play import messages
 
 Game = TypeVar("Game", bound=GameClient)
-MOST_PAGES: Final = 200
-_AGAIN_WITHIN_S: Final = 60.0
+MAX_PAGES: Final = 200
+_RETRY_TIMEOUT_S: Final = 60.0
 
 
 class ClientFailed(RuntimeError):
@@ -138,7 +138,7 @@ class StudyClient:
 
     async def _ask(self, method: str, path: str, fields: dict[str, Any] | None = None) -> httpx.Response:
         """Send a request, again if the server cannot be reached, as a person would reload a page."""
-        deadline = time.monotonic() + _AGAIN_WITHIN_S
+        deadline = time.monotonic() + _RETRY_TIMEOUT_S
         while True:
             try:
                 return await self._http.request(method, path, data=fields)
@@ -161,7 +161,7 @@ def _page(response: httpx.Response) -> ParsedPage:
 
 
 @dataclass
-class StudyWalk:
+class StudyResult:
     """The pages of one participant in a study. `code` is None if there was no code at the end."""
 
     code: str | None = None
@@ -169,18 +169,18 @@ class StudyWalk:
     pages: int = 0
 
 
-async def walk(
+async def take_part(
     url: str, study: str, player: type[GameClient] = GameClient, answers: Mapping[str, Any] | None = None, **more: str
-) -> StudyWalk:
+) -> StudyResult:
     """Take part in a study from consent to the completion code. `player` plays every game, `answers` are given on every
     page that asks for them, `more` goes to `StudyClient`. Raises ClientFailed."""
-    done = StudyWalk()
+    done = StudyResult()
     async with StudyClient(url, study, **more) as client:
         page = await client.consent(answers=answers)
         while page.code is None:
             done.pages += 1
-            if done.pages > MOST_PAGES:
-                raise ClientFailed(f"no completion code after {MOST_PAGES} pages")
+            if done.pages > MAX_PAGES:
+                raise ClientFailed(f"no completion code after {MAX_PAGES} pages")
             if page.faults:
                 raise ClientFailed(f"the page was returned: it needs other answers to {', '.join(sorted(page.faults))}")
             if page.is_game:

@@ -1,4 +1,4 @@
-"""Who opened a link and never consented, as counts"""
+"""Count the people who opened a link and never consented"""
 
 import sqlalchemy as sa
 from alembic import op

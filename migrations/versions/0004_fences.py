@@ -1,4 +1,4 @@
-"""Who may store ticks of an episode, when several processes serve"""
+"""Record which process may store ticks of an episode"""
 
 import sqlalchemy as sa
 from alembic import op

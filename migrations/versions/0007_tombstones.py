@@ -1,4 +1,4 @@
-"""Who was deleted, as salted hashes: an older export does not bring them back"""
+"""Keep salted hashes of deleted people: importing an older export does not restore them"""
 
 import sqlalchemy as sa
 from alembic import op

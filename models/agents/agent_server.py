@@ -26,8 +26,8 @@ from overcooked.planes import PLANES
 from overcooked.state import Kitchens
 
 PORT: Final = 9000
-LARGEST_QUESTION_BYTES: Final = 64 * 1024 * 1024
-_MOST_KITCHENS: Final = 32  # whose agents are kept
+MAX_QUESTION_BYTES: Final = 64 * 1024 * 1024
+_MAX_KITCHENS: Final = 32  # whose agents are kept
 
 
 class AgentQuestion(msgspec.Struct):
@@ -59,7 +59,7 @@ class AgentServer:
 
     def __init__(self, load: Callable[[Layout], LoadedAgent], host: str = "127.0.0.1", port: int = 0) -> None:
         """`load` makes the agent of a kitchen; `port` 0 takes a free one. Raises OSError if the port is taken."""
-        self._load = lru_cache(_MOST_KITCHENS)(lambda text, name: load(parse_layout(text, name)))
+        self._load = lru_cache(_MAX_KITCHENS)(lambda text, name: load(parse_layout(text, name)))
         self._one_at_a_time = threading.Lock()  # an agent need not be thread-safe
         self._server = _Server((host, port), _handler(self))
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
@@ -140,9 +140,9 @@ def _handler(agents: AgentServer) -> type[BaseHTTPRequestHandler]:
 
         def do_POST(self) -> None:
             length = self.headers.get("Content-Length", "")
-            if not length.isdecimal() or int(length) > LARGEST_QUESTION_BYTES:
+            if not length.isdecimal() or int(length) > MAX_QUESTION_BYTES:
                 self.close_connection = True
-                most = f"a question has a Content-Length of at most {LARGEST_QUESTION_BYTES}"
+                most = f"a question has a Content-Length of at most {MAX_QUESTION_BYTES}"
                 self._send(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, _error(most))
                 return
             body = self.rfile.read(int(length))

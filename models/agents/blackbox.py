@@ -18,12 +18,13 @@ AS_IT_SAYS = Mode(temperature=1.0, stuck_mix=0.0)
 
 
 def is_foreign(name: str) -> bool:
-    """Whether a name means a model from outside this project: an ONNX file, `module:Class` or an http address."""
+    """Return whether a name means a model from outside this project: an ONNX file, `module:Class` or an http
+    address."""
     return ":" in name or name.partition("@")[0].endswith(".onnx")
 
 
 def load_foreign_agent(name: str, layout: Layout) -> tuple[Policy, Mode]:
-    """The agent called `name` on this layout, and how it acts (its attribute `mode` if it has one). Raises
+    """Return the agent called `name` on this layout, and how it acts (its attribute `mode` if it has one). Raises
     BlackBoxError."""
     if name.startswith(("http://", "https://")):
         return HttpAgent(name, layout), AS_IT_SAYS
@@ -34,7 +35,7 @@ def load_foreign_agent(name: str, layout: Layout) -> tuple[Policy, Mode]:
 
 
 def load_foreign_predictor(name: str, layout: Layout) -> Predictor:
-    """The predictor called `name` on this layout. Raises BlackBoxError."""
+    """Return the predictor called `name` on this layout. Raises BlackBoxError."""
     if name.endswith(".onnx"):
         return OnnxPredictor(name, layout)
     if name.startswith(("http://", "https://")):

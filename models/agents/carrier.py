@@ -45,7 +45,7 @@ class CarrierPredictor:
 
     def predict(
         self,
-        slots: NDArray[np.intp],  # noqa: ARG002 - every state tells enough
+        slots: NDArray[np.intp],  # noqa: ARG002 - a single state is enough
         observations: Observations,
         last_actions: NDArray[np.int8],  # noqa: ARG002
     ) -> Predictions:
@@ -62,7 +62,7 @@ class CarrierPredictor:
         observations: Observations,
         last_actions: NDArray[np.int8],  # noqa: ARG002
     ) -> Intentions:
-        """Return the next use of a station, nearly certain; the second intention is no interaction."""
+        """Return the next use of a station, nearly certain; the second intention is "no interaction"."""
         answer = np.zeros((len(slots), INTENTIONS), INTENTION)
         for game, planes in enumerate(observations):
             answer[game] = _intentions(_ahead(parse_observation(planes)))

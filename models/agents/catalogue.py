@@ -9,7 +9,7 @@ from models.agents import carrier, planner, scripted
 from models.agents.blackbox import is_foreign, load_foreign_agent
 from models.agents.model_paths import is_class, source_file
 from models.agents.onnx_weights import onnx_sha256
-from models.inference.policy_numpy import policy_at_work
+from models.inference.policy_numpy import numpy_policy
 from models.networks.checkpoint import SUMS, CheckpointError, load_checkpoint
 from models.protocols import Mode, Policy
 from overcooked.layout import Layout
@@ -68,7 +68,7 @@ def _load(name: str, layout: Layout) -> LoadedAgent:
         scripted_policy, mode = SCRIPTED[name]
         return LoadedAgent(scripted_policy(), mode)
     checkpoint = load_checkpoint(agent_folder(name, layout))
-    policy, trained_on = policy_at_work(checkpoint)
+    policy, trained_on = numpy_policy(checkpoint)
     if trained_on.text != layout.text:
         raise CheckpointError(
             f"{checkpoint.folder}: this agent was trained on another grid ({trained_on.name}) and cannot play "

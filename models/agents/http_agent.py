@@ -15,7 +15,7 @@ from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 
 TIMEOUT_S: Final = 2.0  # of one call, from connecting to the last byte
-LARGEST_ANSWER_BYTES: Final = 1_000_000  # 600 games need less than 100 kB
+MAX_ANSWER_BYTES: Final = 1_000_000  # 600 games need less than 100 kB
 
 
 class _Answer(msgspec.Struct):
@@ -64,9 +64,9 @@ class HttpAgent:
         with self._connection.getresponse() as response:
             if response.status != http.client.OK:
                 raise BlackBoxError(f"{self._url} answered {response.status}.")
-            answer: bytes = response.read(LARGEST_ANSWER_BYTES + 1)
-        if len(answer) > LARGEST_ANSWER_BYTES:
-            raise BlackBoxError(f"{self._url} answered with more than {LARGEST_ANSWER_BYTES:,} bytes.")
+            answer: bytes = response.read(MAX_ANSWER_BYTES + 1)
+        if len(answer) > MAX_ANSWER_BYTES:
+            raise BlackBoxError(f"{self._url} answered with more than {MAX_ANSWER_BYTES:,} bytes.")
         return answer
 
     def _read(self, body: bytes, games: int) -> Probabilities:

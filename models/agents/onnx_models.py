@@ -106,7 +106,7 @@ def _session(path: str) -> Any:
     try:
         return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     except Exception as error:
-        raise BlackBoxError(f"{path} is no ONNX model that can be run here ({error}).") from error
+        raise BlackBoxError(f"{path} is not an ONNX model that can run here ({error}).") from error
 
 
 def _softmax_if_needed(given: NDArray[Any]) -> NDArray[np.float32]:

@@ -48,7 +48,7 @@ class GuidePredictor:
 
     def predict(
         self,
-        slots: NDArray[np.intp],  # noqa: ARG002 - every state tells enough
+        slots: NDArray[np.intp],  # noqa: ARG002 - a single state is enough
         observations: Observations,
         last_actions: NDArray[np.int8],  # noqa: ARG002
     ) -> Predictions:

@@ -82,7 +82,8 @@ def cached_attention(qkv, keys, values, slots, timesteps, cosine, sine):
 
 @_kernel
 def window_attention(qkv, present, first_query):
-    """Every token from `first_query` on looks at the last `present` (games,) tokens of its game, itself among them.
+    """Let every token from `first_query` on attend to the last `present` (games,) tokens of its game, itself among
+    them.
 
     `qkv` (games, tokens, 3, heads, dim). Gives (games, tokens - first_query, heads * dim); zero for absent tokens.
     """

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 
 FAULTS_TO_OPEN = 5
-FIRST_REST_S = 1.0
-LONGEST_REST_S = 30.0
+FIRST_PAUSE_S = 1.0
+MAX_PAUSE_S = 30.0
 
 
 class Breaker:
@@ -17,20 +17,20 @@ class Breaker:
         self._faults_to_open = faults_to_open
         self._clock = clock
         self._faults = 0
-        self._rest_s = FIRST_REST_S
-        self._rests_until = 0.0
+        self._pause_s = FIRST_PAUSE_S
+        self._paused_until = 0.0
 
     @property
     def closed(self) -> bool:
         """Whether the model may be called now."""
-        return self._clock() >= self._rests_until
+        return self._clock() >= self._paused_until
 
     def worked(self) -> None:
         self._faults = 0
-        self._rest_s = FIRST_REST_S
+        self._pause_s = FIRST_PAUSE_S
 
     def failed(self) -> None:
         self._faults += 1
         if self._faults >= self._faults_to_open:
-            self._rests_until = self._clock() + self._rest_s
-            self._rest_s = min(2 * self._rest_s, LONGEST_REST_S)
+            self._paused_until = self._clock() + self._pause_s
+            self._pause_s = min(2 * self._pause_s, MAX_PAUSE_S)

@@ -37,4 +37,4 @@ def read_answer(found: Sequence[PartialAnswer], answer: Answer) -> None:
             part.action, part.probabilities = acted[k], tuple(action_distributions[k])
         if arrays.predicted[k]:
             part.prediction = tuple(map(tuple, predictions[k]))
-            part.intentions = tuple([Intention(*said) for said in intentions[k] if said[-1]])
+            part.intentions = tuple([Intention(*intention) for intention in intentions[k] if intention[-1]])

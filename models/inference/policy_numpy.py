@@ -35,7 +35,7 @@ class NumpyPolicy:
         return np.asarray(exponentials / exponentials.sum(1, keepdims=True), np.float32)
 
 
-def policy_at_work(checkpoint: Checkpoint) -> tuple[Policy, Layout]:
+def numpy_policy(checkpoint: Checkpoint) -> tuple[Policy, Layout]:
     """Load the agent of a checkpoint, ready to be used, and the layout that it was trained on. Raises
     CheckpointError."""
     config = checkpoint.config

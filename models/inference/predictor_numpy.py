@@ -83,14 +83,14 @@ class _Games:
             self._kept = [np.concatenate([kept, np.zeros((more, *kept.shape[1:]), kept.dtype)]) for kept in self._kept]
         self._kept[0][slots] = 0
 
-    def say_intentions(self, decoder: NumpyIntentions) -> None:
+    def add_intentions(self, decoder: NumpyIntentions) -> None:
         """From now on `intentions` says what this decoder makes of the tokens; `predict` stays as it is."""
         self._intentions = decoder
 
     def intentions(
         self,
         slots: NDArray[np.intp],
-        observations: Observations,  # noqa: ARG002 - the tokens of the last `predict` tell enough
+        observations: Observations,  # noqa: ARG002 - the tokens of the last `predict` are enough
         last_actions: NDArray[np.int8],  # noqa: ARG002
     ) -> Intentions:
         if self._intentions is None:
@@ -201,7 +201,7 @@ def _pretrained_encoder(tensors: Mapping[str, NDArray[Any]], layout: Layout) -> 
     return _Encoder(features, np.ones(features.size, np.float32))
 
 
-def at_work(
+def numpy_predictor(
     config: PredictorConfig,
     tensors: Mapping[str, NDArray[Any]],
     layout: Layout,
@@ -212,26 +212,27 @@ def at_work(
     form = StreamPredictor if config.form == "stream" else WindowPredictor
     predictor = form(config, tensors, _encoder_of(config, tensors, layout))
     if intentions is not None:
-        predictor.say_intentions(NumpyIntentions(NamedWeights(tensors), layout))
+        predictor.add_intentions(NumpyIntentions(NamedWeights(tensors), layout))
     return predictor
 
 
 def load_trained_predictor(folder: Path, layout: Layout) -> tuple[IntentionPredictor, float]:
-    """A predictor ready to watch games on `layout`, and its measured mean accuracy (0-1). Raises CheckpointError."""
+    """Return a predictor ready to watch games on `layout`, and its measured mean accuracy (0-1). Raises
+    CheckpointError."""
     checkpoint = load_checkpoint(folder)
     config, trained_on = _described(checkpoint)
     if trained_on.text != layout.text:
         remedy = "Choose a predictor of this layout."
         raise CheckpointError(f"{folder}: was trained on another grid than {layout.name}. {remedy}")
     try:
-        predictor = at_work(config, checkpoint.tensors, layout, intention_config(checkpoint.config))
+        predictor = numpy_predictor(config, checkpoint.tensors, layout, intention_config(checkpoint.config))
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{folder}: not a readable predictor ({error}). Fetch it again.") from error
     return predictor, float(checkpoint.config.get("accuracy", {}).get("mean", 1.0))
 
 
 def _described(checkpoint: Checkpoint) -> tuple[PredictorConfig, Layout]:
-    """What the checkpoint says it is, and the layout that it was trained on."""
+    """Return what the checkpoint says it is, and the layout that it was trained on."""
     config = checkpoint.config
     try:
         return PredictorConfig(**config["network"]), parse_layout(config["grid"], config["layout"])

@@ -1,5 +1,5 @@
 """Run the live game's models in worker processes, batched over games, with a deadline. This is the server side: no
-torch here. Our own models share workers; every agent or predictor from outside has a worker of its own, so that a slow
+torch here. Our own models share workers; every agent or predictor from outside has a separate worker, so that a slow
 one delays only itself.
 """
 
@@ -86,8 +86,8 @@ class ModelServer:
     async def add(
         self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
     ) -> None:
-        """Load what is not loaded yet, in workers of its own, while the others go on answering. Raises ModelsDown; then
-        nothing has changed."""
+        """Load what is not loaded yet, in separate workers, while the others continue to answer. Raises ModelsDown;
+        then nothing has changed."""
         new = [name for name in agents if name not in self._agents]
         watching = [name for name in predictors if name not in self._predictors]
         made = [(load, self._pool_for(load)) for load in _loads(new, watching, grids, paths)]
@@ -117,7 +117,7 @@ class ModelServer:
         ]
 
     def _take_in(self, load: Load, pool: list[SupervisedWorker]) -> None:
-        """From now on these lanes answer about these models."""
+        """From now on these workers answer about these models."""
         self._pool += pool
         self._pool_of |= dict.fromkeys((*load.agents, *load.predictors), pool)
         self._agents |= set(load.agents)
@@ -192,14 +192,14 @@ class ModelServer:
         return sent
 
     def _parts(self, layout: str, agent: str | None, predictor: str | None) -> "list[_Part]":
-        """Who answers: one pool for agent and predictor together, or two."""
+        """Return the pools that answer: one for agent and predictor together, or two."""
         asked = (layout, agent, predictor)
         if asked not in self._routes:
             self._routes[asked] = self._route(*asked)
         return self._routes[asked]
 
     def _route(self, layout: str, agent: str | None, predictor: str | None) -> "list[_Part]":
-        """The pool of each model that is asked; one part for both where they share a pool."""
+        """Return the pool of each model that is asked; one part for both where they share a pool."""
         pools: list[_Part] = []
         if agent is not None and (layout, agent) in self._agents:
             pools.append((self._pool_of[layout, agent], agent, None))
@@ -253,7 +253,7 @@ class ModelServer:
 def _loads(
     agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
 ) -> list[Load]:
-    """What workers load: all models of our own together, every foreign one alone."""
+    """Return what workers load: all models of our own together, every foreign one alone."""
     models = (*agents, *predictors)
     groups = [[name for name in models if not is_foreign(name[1])]]
     foreign = dict.fromkeys(name for _, name in models if is_foreign(name))

@@ -14,7 +14,7 @@ from models.inference.launch import Launched, launch
 from models.inference.wire import LENGTH, Answer, Failed, Forget, Load, Loaded, ModelRequest, Row, frame, from_worker
 from models.protocols import History
 
-MOST_WAITING = 256  # frames a worker may owe before it is asked nothing more
+MAX_WAITING = 256  # frames a worker may owe before it is asked nothing more
 SPARE_AFTER_S = 2.0  # a server that has just started has more urgent work
 log = logging.getLogger("models")
 
@@ -134,14 +134,15 @@ class SupervisedWorker:
         return 1 if self._worker is None else self._worker.memory
 
     def ready(self, patience_s: float) -> bool:
-        """Whether a question asked now may be answered within `patience_s`: not if an older one has waited so long."""
-        if self._worker is None or len(self._waiting) >= MOST_WAITING:
+        """Return whether a question asked now may be answered within `patience_s`; false if an older one has waited
+        that long."""
+        if self._worker is None or len(self._waiting) >= MAX_WAITING:
             return False
         oldest = next(iter(self._waiting.values()), None)
         return oldest is None or time.monotonic() - oldest.asked < patience_s
 
     def missing(self, key: str, timestep: int) -> int:
-        """How many of a game's last states the worker has not been sent; 0: its whole history is needed."""
+        """Return how many of a game's last states the worker has not been sent; 0: its whole history is needed."""
         known = self._known.get(key)
         if known is None or not known < timestep < known + self.memory:
             return 0
@@ -157,7 +158,7 @@ class SupervisedWorker:
             self._worker.send(Forget(gone))
 
     def ask(self, layout: str, rows: list[Row], histories: Sequence[History]) -> "asyncio.Future[Answer]":
-        """The answer to come. It is cancelled when the worker dies."""
+        """Return the future answer. It is cancelled when the worker dies."""
         assert self._worker is not None  # noqa: S101 the caller looked at ready()
         players = b"".join([history.players for history in histories])
         contents = b"".join([history.contents for history in histories])

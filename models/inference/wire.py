@@ -100,19 +100,19 @@ _from_worker = msgspec.msgpack.Decoder(Loaded | Failed | Answer)
 
 
 def frame(message: Load | ModelRequest | Forget | Loaded | Failed | Answer) -> bytes:
-    """The bytes to send: length, body."""
+    """Return the bytes to send: length, body."""
     body = _encoder.encode(message)
     return LENGTH.pack(len(body)) + body
 
 
 def from_server(body: bytes) -> Load | ModelRequest | Forget:
-    """What the server sent. Raises msgspec.DecodeError."""
+    """Return what the server sent. Raises msgspec.DecodeError."""
     message: Load | ModelRequest | Forget = _from_server.decode(body)
     return message
 
 
 def from_worker(body: bytes) -> Loaded | Failed | Answer:
-    """What a worker sent. Raises msgspec.DecodeError."""
+    """Return what a worker sent. Raises msgspec.DecodeError."""
     message: Loaded | Failed | Answer = _from_worker.decode(body)
     return message
 
@@ -125,7 +125,7 @@ class Inbox:
         self._rest = bytearray()
 
     def wait(self) -> list[bytes]:
-        """The bodies of all frames that have arrived, at least one; empty when the other side is gone."""
+        """Return the bodies of all frames that have arrived, at least one; empty when the other side is gone."""
         while True:
             bodies = self._whole()
             if bodies:

@@ -156,7 +156,7 @@ class Worker:
         return found.packed(ask.id, (time.perf_counter() - started) * 1000, faults)
 
     def _observations(self, ask: ModelRequest) -> Observations:
-        """What the chef of each row sees in each of the row's states, one after the other."""
+        """Return what the chef of each row sees in each of the row's states, one after the other."""
         layout = self._layouts[ask.layout]
         players = np.frombuffer(bytearray(ask.players), np.int8).reshape(-1, PLAYERS, 4)
         contents = np.frombuffer(bytearray(ask.contents), np.int8).reshape(-1, layout.width, layout.height)
@@ -169,7 +169,8 @@ class Worker:
         return np.asarray(both[every, np.repeat([row.seat for row in ask.rows], counts)], np.int8)
 
     def _follow(self, name: Name, rows: list[Row], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """The rows whose states follow on what the predictor has seen of their game; the server repeats the others."""
+        """Return the rows whose states follow on what the predictor has seen of their game; the server repeats the
+        others."""
         reached = self._predictors[name][1].reached
         follows = [rows[k].fresh or reached.get(rows[k].key) == rows[k].timestep - rows[k].states for k in chosen]
         return chosen[follows]
@@ -217,7 +218,7 @@ class _Watched:
         self._name, self._breaker, self._faults = name, breaker, faults
 
     def __enter__(self) -> bool:
-        """Whether the model is to be asked."""
+        """Return whether the model is to be asked."""
         self._asked = self._breaker.closed
         return self._asked
 

@@ -104,8 +104,8 @@ class MlpPolicy(nn.Module):
         return logits, values
 
     def from_columns(self, entries: Tensor) -> tuple[Tensor, Tensor]:
-        """The same from the chosen entries alone, (B, inputs): what training stores. bfloat16 entries are multiplied in
-        bfloat16 (the entries are small integers, exact there)."""
+        """Return the same from the chosen entries alone, (B, inputs): what training stores. bfloat16 entries are
+        multiplied in bfloat16 (the entries are small integers, exact there)."""
         weight, bias = self.scaled_first()
         x = nn.functional.linear(entries, weight.to(entries.dtype)).float() + bias
         logits, values = self.head.after_first(x)

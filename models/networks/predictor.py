@@ -222,7 +222,7 @@ def save_predictor(folder: Path, network: PredictorNetwork, layout: Layout, agen
 
 
 def predictor_network(checkpoint: Checkpoint) -> tuple[PredictorNetwork, Layout]:
-    """The network of a predictor's checkpoint and its layout. Raises CheckpointError if it is not one."""
+    """Return the network of a predictor's checkpoint and its layout. Raises CheckpointError if it is not one."""
     config = checkpoint.config
     try:
         layout = parse_layout(config["grid"], config["layout"])

@@ -22,7 +22,7 @@ from server.play.randomness import uniform
 
 CookName = Literal["foresight", "credulous", "planner", "clone"]
 COOKS: Final[tuple[CookName, ...]] = get_args(CookName)
-CLONE: Final = "human_bc"
+HUMAN_BC: Final = "human_bc"
 _IDLE, _DRAW = 101, 102  # purposes of `uniform`
 
 
@@ -40,8 +40,8 @@ class Traits:
 
     @classmethod
     def drawn(cls, seed: int, cook: CookName = "foresight", follow: float = 0.7, tick_ms: float = 200.0) -> "Traits":
-        """`follow`: the share of planners and behaviour-cloned humans that uses the arrows; the others judge them by
-        experience."""
+        """`follow`: the share of planners and behaviour-cloned humans that uses the arrows; the others use them as
+        far as they have proved right."""
         chance = Random(f"traits {seed}")  # noqa: S311 - a seed makes a run repeatable
         return cls(
             seed=chance.getrandbits(62),
@@ -62,7 +62,7 @@ class Impression:
     soups: int = 0
     tried: int = 0  # own moves
     blocked: int = 0  # of them, those that led nowhere because somebody stood there
-    predicted: int = 0  # timesteps for which an arrow told what the partner would do
+    predicted: int = 0  # timesteps for which an arrow showed what the partner would do
     right: int = 0  # of them, those that it did
 
     def share(self, part: int, whole: int) -> float:
@@ -86,9 +86,9 @@ class Cook:
         self.impression = Impression()
 
     def act(self, now: Kitchens, soups: int, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:
-        """The action on this state. `actions`: the joint action that led to it; `arrows`: the predicted actions of the
-        partner, empty if none are shown."""
-        self._judge(now, soups, actions)
+        """Return the action on this state. `actions`: the joint action that led to it; `arrows`: the predicted actions
+        of the partner, empty if none are shown."""
+        self._update_impression(now, soups, actions)
         self._predicted = arrows[0] if arrows else None
         return self.choose(now, actions, arrows, horizon)
 
@@ -125,7 +125,7 @@ class Cook:
         if self._layout.tiles[there] == 0 and there != tuple(view.players[0, self._seat, :FACING].tolist()):
             view.players[0, seat, :FACING] = there
 
-    def _judge(self, now: Kitchens, soups: int, actions: tuple[int, int]) -> None:
+    def _update_impression(self, now: Kitchens, soups: int, actions: tuple[int, int]) -> None:
         """Update the impression with the last timestep."""
         before, self._before = self._before, now
         if before is None or int(now.timestep[0]) != int(before.timestep[0]) + 1:
@@ -148,13 +148,13 @@ class Cook:
         return other == [x + int(STEP_X[action]), y + int(STEP_Y[action])]
 
 
-def layouts_without_clone(layouts: Iterable[Layout]) -> list[str]:
+def layouts_without_human_bc(layouts: Iterable[Layout]) -> list[str]:
     """Return the names of the layouts that have no behaviour-cloned human: not bundled, or of another grid."""
-    return [layout.name for layout in layouts if not _has_clone(layout)]
+    return [layout.name for layout in layouts if not _has_human_bc(layout)]
 
 
-def _has_clone(layout: Layout) -> bool:
-    config = WEIGHTS / layout.name / CLONE / "config.json"
+def _has_human_bc(layout: Layout) -> bool:
+    config = WEIGHTS / layout.name / HUMAN_BC / "config.json"
     return config.is_file() and json.loads(config.read_text("utf-8"))["grid"] == layout.text
 
 
@@ -164,7 +164,7 @@ _agents: dict[tuple[str, str], LoadedAgent] = {}
 def _agent(layout: Layout, cook: CookName) -> LoadedAgent:
     """Load the policy, shared by all simulated participants because policies are stateless. In a layout without a
     behaviour-cloned human (the tutorial's), the planner is used."""
-    name = CLONE if cook == "clone" and not layouts_without_clone([layout]) else "planner"
+    name = HUMAN_BC if cook == "clone" and not layouts_without_human_bc([layout]) else "planner"
     key = (layout.sha256, name)
     if key not in _agents:
         _agents[key] = load_agent(name, layout)

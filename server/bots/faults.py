@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from server.bots.group import BotGroup, GroupOutcome, judge, simulate
+from server.bots.group import BotGroup, GroupOutcome, check_outcome, simulate
 from server.bots.local_server import OwnServer
 from server.bots.participant import Bot
 from server.store.database import Database
@@ -68,7 +68,7 @@ async def try_out(group: BotGroup, server: OwnServer, database: Database) -> Tri
     faults = Counter({"server_kill": 1} if away_s else {})
     for bot in bots:
         faults.update(bot.journal.browser_faults)
-    return Trial(judge(bots, database), dict(faults), away_s)
+    return Trial(check_outcome(bots, database), dict(faults), away_s)
 
 
 async def _kill_once(everyone: Sequence[Bot], server: OwnServer, walking: "asyncio.Task[list[Bot]]") -> float:

@@ -10,7 +10,7 @@ from websockets.exceptions import ConnectionClosed
 
 from kitchenmind.client.game_client import GameClient, SocketLeft
 from overcooked.constants import STAY
-from server.bots.cook import Cook, Impression, Traits, layouts_without_clone
+from server.bots.cook import Cook, Impression, Traits, layouts_without_human_bc
 from server.bots.foresight.cook import cook
 from server.bots.partner_memory import PartnerMemory
 from server.play import intentions, messages
@@ -96,7 +96,8 @@ class BotGame(GameClient):
             return  # back in the same game: its memory continues
         self._episode = welcome.episode
         self._journal.games[welcome.episode] = welcome
-        if self._traits.cook == "clone" and welcome.kind == "episode" and layouts_without_clone([self.kitchen.layout]):
+        is_clone = self._traits.cook == "clone" and welcome.kind == "episode"
+        if is_clone and layouts_without_human_bc([self.kitchen.layout]):
             lacking = f"--cook clone: there is no behaviour-cloned human for {welcome.layout}. Use --cook foresight."
             self.violations.append(lacking)  # it plans instead
         if welcome.seat >= 0:

@@ -67,11 +67,11 @@ async def simulate(
     group: BotGroup,
     url: str,
     database: Database | None,
-    told: Callable[[int, int], None] | None = None,
+    report: Callable[[int, int], None] | None = None,
     meet: Callable[[Sequence[Bot]], None] | None = None,
 ) -> list[Bot]:
     """Run all participants through the study; return those who consented, in order of consent. `database`: read only,
-    checked when a code is on the screen. `told(done, number)` is called after each participant, `meet` before each
+    checked when a code is on the screen. `report(done, number)` is called after each participant, `meet` before each
     arrives. Violations are in `journal.violations`."""
     everyone = [
         _One(Bot(url, group.study_name, derived_seed(group.seed, "bot", k), _habits(group, k)))
@@ -91,8 +91,8 @@ async def simulate(
         async with places:
             await _walk(everyone[number], turns[number], turns[number + 1], database)
         done += 1
-        if told is not None:
-            told(done, group.number)
+        if report is not None:
+            report(done, group.number)
 
     await asyncio.gather(*(one(number) for number in range(group.number)))
     return [one.bot for one in everyone if one.came or one.bot.journal.violations]
@@ -109,17 +109,17 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
         finally:
             following.set()
         if one.came and page is not None:
-            await one.bot.walk_from(page)
+            await one.bot.continue_from(page)
         if journal.code is not None and database is not None:
             journal.violations += await database.read(invariants.broken_at_code, Claim(one.bot.token, journal))
-    except Exception as error:  # noqa: BLE001 - what goes wrong with one is told, and keeps nobody else from walking
+    except Exception as error:  # noqa: BLE001 - a failure of one is reported and does not stop the others
         if one.came or _FULL not in str(error):
             journal.violations.append(f"there was no way on: {type(error).__name__}: {error}")
     finally:
         await one.bot.close()
 
 
-def judge(bots: Sequence[Bot], database: Database | None, study: Study | None = None) -> GroupOutcome:
+def check_outcome(bots: Sequence[Bot], database: Database | None, study: Study | None = None) -> GroupOutcome:
     """Count the participants, and check every guarantee against what they saw and, if there is a database, what is
     stored. `study`: the study they took part in, if known."""
     outcome = GroupOutcome()

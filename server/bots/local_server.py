@@ -14,8 +14,8 @@ from typing import Final, Self
 
 from server.settings import ROOT
 
-START_WITHIN_S: Final = 240.0
-STOP_WITHIN_S: Final = 60.0
+START_TIMEOUT_S: Final = 240.0
+STOP_TIMEOUT_S: Final = 60.0
 LOCAL: Final = {"KITCHENMIND_MODE": "local", "KITCHENMIND_HOST": "127.0.0.1", "KITCHENMIND_PUBLIC_URL": ""}
 # Countdowns and absences run five times as fast; if they ran faster still, a delay on a busy machine would count as an
 # absence.
@@ -47,15 +47,15 @@ class OwnServer:
         words = [sys.executable, str(ROOT / "kitchenmind"), "serve", "--port", str(self._port), *self._words]
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(words, stdout=log, stderr=log, env=self._environment)  # noqa: S603
-        deadline = time.monotonic() + START_WITHIN_S
-        while not (found := re.search(r"http://127\.0\.0\.1:(\d+)", self.said)):
+        deadline = time.monotonic() + START_TIMEOUT_S
+        while not (found := re.search(r"http://127\.0\.0\.1:(\d+)", self.output)):
             if self._process.poll() is not None or time.monotonic() > deadline:
-                raise ServerFailed(self.said.strip() or "the server does not start")
+                raise ServerFailed(self.output.strip() or "the server does not start")
             time.sleep(0.05)
         self.url, self._port = found.group(0), int(found.group(1))
 
     @property
-    def said(self) -> str:
+    def output(self) -> str:
         """Return the server's output (standard output and error) since its last start."""
         return self._log.read_text(encoding="utf-8", errors="replace")
 
@@ -64,7 +64,7 @@ class OwnServer:
         if self._process is None:
             return 0
         self._process.send_signal(how)
-        return self._process.wait(STOP_WITHIN_S)
+        return self._process.wait(STOP_TIMEOUT_S)
 
     def __enter__(self) -> Self:
         try:
@@ -83,7 +83,7 @@ class OwnServer:
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
             try:
-                self._process.wait(STOP_WITHIN_S)
+                self._process.wait(STOP_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
@@ -91,5 +91,5 @@ class OwnServer:
 
 
 def kitchenmind(*words: str) -> Sequence[str]:
-    """The command line of another verb, in this Python."""
+    """Return the command line of another verb, in this Python."""
     return [sys.executable, str(ROOT / "kitchenmind"), *words]

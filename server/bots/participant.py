@@ -13,7 +13,7 @@ from server.bots.answers import Respondent
 from server.bots.cook import CookName, Traits
 from server.bots.game_client import BotGame, BrowserFault, GameDropped, Journal
 
-MOST_PAGES: Final = 200
+MAX_PAGES: Final = 200
 _RELOADS_A_PAGE: Final = 0.05
 _RELOADS_A_GAME: Final = 0.15
 _LAST_RELOAD: Final = 300
@@ -22,7 +22,7 @@ _LAST_FAULT_AT: Final = 60
 
 @dataclass(frozen=True)
 class Habits:
-    """The settings of a simulated participant besides its seed."""
+    """The settings of a simulated participant, without its seed."""
 
     known: Mapping[str, str] = field(default_factory=dict)  # question -> the right answer, from the study file
     drop_after: int | None = None  # gives up at the page after so many; in a game, in the middle of it
@@ -36,7 +36,7 @@ class Habits:
 
 
 class Bot:
-    """One simulated participant. `walk` takes it from the consent page to the completion code."""
+    """One simulated participant. `take_part` takes it from the consent page to the completion code."""
 
     def __init__(self, base_url: str, study: str, seed: int, habits: Habits | None = None) -> None:
         self.journal = Journal()
@@ -63,15 +63,15 @@ class Bot:
         """The value of the cookie; empty before consent."""
         return self._client.token
 
-    async def walk(self) -> Journal:
+    async def take_part(self) -> Journal:
         """Complete the study; return the journal with the completion code. Raises RuntimeError if there is no next
         page."""
         async with self._client:
-            return await self.walk_from(await self.consent())
+            return await self.continue_from(await self.consent())
 
-    async def walk_from(self, page: ParsedPage) -> Journal:
+    async def continue_from(self, page: ParsedPage) -> Journal:
         """Continue from this page to the code, or until the participant drops out or is screened out."""
-        for count in range(MOST_PAGES):
+        for count in range(MAX_PAGES):
             if page.has_ended_early:
                 self.dropped = True
                 return self.journal
@@ -87,7 +87,7 @@ class Bot:
             except GameDropped:
                 self.dropped = True
                 return self.journal
-        raise RuntimeError(f"no completion code after {MOST_PAGES} pages: {self.journal.pages[-5:]}")
+        raise RuntimeError(f"no completion code after {MAX_PAGES} pages: {self.journal.pages[-5:]}")
 
     async def close(self) -> None:
         """Close the connections; the cookie stays."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Final
 
 MANIFEST: Final = "manifest.json"
-LARGEST_BYTES: Final = 20_000_000  # of the file, and of all texts together
-MOST_FILES: Final = 200
+MAX_BYTES: Final = 20_000_000  # of the file, and of all texts together
+MAX_FILES: Final = 200
 _NAME: Final = re.compile(r"[a-z0-9_]+(/[a-z0-9_]+)?(\.[a-z]+)?")
 _LONG_AGO: Final = (1980, 1, 1, 0, 0, 0)  # the same bytes whenever it is made
 
@@ -25,10 +25,10 @@ class BundleRefused(ValueError):
 def packed(texts: Mapping[str, str], manifest: Mapping[str, Any]) -> bytes:
     """Return the archive; the manifest gets the hash of every text."""
     hashes = {name: _sha256(text.encode()) for name, text in sorted(texts.items())}
-    said = json.dumps({**manifest, "files": hashes}, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
+    manifest_text = json.dumps({**manifest, "files": hashes}, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
-        for name, text in sorted({**texts, MANIFEST: said}.items()):
+        for name, text in sorted({**texts, MANIFEST: manifest_text}.items()):
             entry = zipfile.ZipInfo(name, _LONG_AGO)
             entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(entry, text.encode())
@@ -37,7 +37,7 @@ def packed(texts: Mapping[str, str], manifest: Mapping[str, Any]) -> bytes:
 
 def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the texts by name, checked against their hashes, and the manifest. Raises BundleRefused, OSError."""
-    if path.stat().st_size > LARGEST_BYTES:
+    if path.stat().st_size > MAX_BYTES:
         raise BundleRefused(f"{path} is too large for a bundle.")
     try:
         with zipfile.ZipFile(path) as archive:
@@ -59,10 +59,10 @@ def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
 
 def _content(archive: zipfile.ZipFile) -> dict[str, bytes]:
     entries = archive.infolist()
-    if len(entries) > MOST_FILES or len({entry.filename for entry in entries}) != len(entries):
+    if len(entries) > MAX_FILES or len({entry.filename for entry in entries}) != len(entries):
         raise BundleRefused("this archive has too many files, or two of one name. It is not a bundle.")
     content: dict[str, bytes] = {}
-    left = LARGEST_BYTES
+    left = MAX_BYTES
     for entry in entries:
         if not _NAME.fullmatch(entry.filename):
             raise BundleRefused(f"this archive has a file {entry.filename!r}. It is not a bundle.")

@@ -42,7 +42,7 @@ def make(file: StudyFile, people: int | None = None, plan: str = "") -> bytes:
     content |= {f"layouts/{kitchen.name}.layout": layout_of(kitchen).text + "\n" for kitchen in kitchens}
     if plan:
         content["plan.md"] = plan
-    manifest = {"format": FORMAT, "study": study.name, "study_sha256": file.sha256, "state": state.said()}
+    manifest = {"format": FORMAT, "study": study.name, "study_sha256": file.sha256, "state": state.to_manifest()}
     return packed(content, manifest)
 
 

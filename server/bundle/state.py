@@ -32,12 +32,12 @@ class State:
     code: Mapping[str, str]
 
     @classmethod
-    def of(cls, said: Mapping[str, Any]) -> "State":
+    def of(cls, manifest: Mapping[str, Any]) -> "State":
         """Read from a manifest. Raises KeyError, TypeError for an invalid one."""
-        parts = {name: dict(said[name]) for name in ("layouts", "models", "code")}
-        return cls(str(said["code_version"]), **parts)
+        parts = {name: dict(manifest[name]) for name in ("layouts", "models", "code")}
+        return cls(str(manifest["code_version"]), **parts)
 
-    def said(self) -> dict[str, Any]:
+    def to_manifest(self) -> dict[str, Any]:
         """Return the values for a manifest."""
         maps = {name: dict(getattr(self, name)) for name in ("layouts", "models", "code")}
         return {"code_version": self.code_version, **maps}

@@ -45,7 +45,7 @@ def allocation(study: Study, people: int) -> str:
 
 
 def questions(study: Study) -> str:
-    """All questions in all languages, as Markdown."""
+    """Return all questions in all languages, as Markdown."""
     lines = [f"# Questions of {study.name}"]
     blocks = {**({"quiz": study.quiz} if study.quiz else {}), **study.questionnaires}
     for key, block in blocks.items():
@@ -61,10 +61,10 @@ def _question(study: Study, question: AnyQuestion) -> Iterator[str]:
     asked = question.conditions if isinstance(question.conditions, str) else ", ".join(question.conditions)
     need = "required" if question.required else "may be left out"
     yield f"- `{question.key}` ({question.type}; {need}; conditions: {asked})"
-    said = question.model_dump(mode="json", exclude_none=True, exclude={"key", "type", "required", "conditions"})
+    settings = question.model_dump(mode="json", exclude_none=True, exclude={"key", "type", "required", "conditions"})
     for language in study.languages:
         yield f"  - {language}: {question.text.of(language)}"
-    rest = {name: value for name, value in said.items() if name != "text"}
+    rest = {name: value for name, value in settings.items() if name != "text"}
     yield f"  - {json.dumps(rest, ensure_ascii=False, sort_keys=True)}"
 
 

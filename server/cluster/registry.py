@@ -58,7 +58,7 @@ class Here(Protocol):
     """The interface of this process to the cluster."""
 
     def leases(self) -> list[str]:
-        """The games that are played here."""
+        """Return the games that are played here."""
         ...
 
     async def views(self) -> list[View]: ...

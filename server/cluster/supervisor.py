@@ -44,7 +44,7 @@ class Supervisor:
         self._stopping = False
 
     def run(self) -> int:
-        """The exit status: 0 after a clean stop, that of the first process that refused to start otherwise."""
+        """Return the exit status: 0 after a clean stop, that of the first process that refused to start otherwise."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._stop)
         self._processes = [
@@ -73,10 +73,10 @@ class Supervisor:
 
     def _spawn(self, number: int, first: bool = True) -> subprocess.Popen[bytes]:
         descriptors = (self._listening.fileno(), self._lifeline)
-        told = ",".join(map(str, (*descriptors, int(first and number == 0), int(not first))))
+        passed = ",".join(map(str, (*descriptors, int(first and number == 0), int(not first))))
         command = [sys.executable, str(_ENTRY), *self._words]
         return subprocess.Popen(  # noqa: S603
-            command, pass_fds=descriptors, env={**os.environ, OF_SUPERVISOR: told}, start_new_session=True
+            command, pass_fds=descriptors, env={**os.environ, OF_SUPERVISOR: passed}, start_new_session=True
         )
 
     def _stop(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
@@ -101,16 +101,16 @@ class Supervised:
 
     listening: socket.socket
     lifeline: int  # readable when the supervisor has ended
-    first: bool  # it tells the address
+    first: bool  # it prints the address
     again: bool  # it takes the place of a process that died
 
 
 def supervised() -> Supervised | None:
     """None for a process without a supervisor."""
-    told = os.environ.pop(OF_SUPERVISOR, "")
-    if not told:
+    passed = os.environ.pop(OF_SUPERVISOR, "")
+    if not passed:
         return None
-    descriptor, lifeline, first, again = map(int, told.split(","))
+    descriptor, lifeline, first, again = map(int, passed.split(","))
     listening = socket.socket(fileno=descriptor)
     listening.setblocking(False)
     return Supervised(listening, lifeline, bool(first), bool(again))

@@ -84,10 +84,10 @@ def _check(arguments: argparse.Namespace) -> None:
     if not 1 <= arguments.number <= MOST:
         raise ValueError(f"{arguments.number} participants cannot be simulated. Give a number from 1 to {MOST}.")
     if not 0 <= arguments.dropout <= 1:
-        raise ValueError(f"--dropout {arguments.dropout:g} is no share. Give a number from 0 to 1.")
+        raise ValueError(f"--dropout {arguments.dropout:g} is not a share. Give a number from 0 to 1.")
     if arguments.url and not arguments.url.startswith(("http://", "https://")):
         raise ValueError(
-            f"--url {arguments.url} is no address. Give it as the browser shows it: http://127.0.0.1:8000."
+            f"--url {arguments.url} is not an address. Give it as the browser shows it: http://127.0.0.1:8000."
         )
     if arguments.url and not _is_local(arguments.url) and not _secret():
         raise ValueError(
@@ -169,7 +169,7 @@ def _try_out(arguments: argparse.Namespace) -> int:
 
 def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
     """Return the simulated participants. Raises StudyError, FileNotFoundError; ValueError if a server has no study."""
-    from server.bots.cook import layouts_without_clone
+    from server.bots.cook import layouts_without_human_bc
     from server.bots.group import BotGroup
     from server.commands.databases import load_stored
     from server.participation.episode_specs import layout_of
@@ -188,7 +188,7 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
         if missing:
             raise StudyError(missing)
     study = file.study
-    if arguments.cook == "clone" and (lacking := layouts_without_clone(map(layout_of, study.layouts))):
+    if arguments.cook == "clone" and (lacking := layouts_without_human_bc(map(layout_of, study.layouts))):
         raise ValueError(
             f"--cook clone: there is no behaviour-cloned human for {', '.join(lacking)}. Use --cook foresight; or "
             "train one with recorded games of people: python -m training.behaviour_cloning --layout NAME."
@@ -200,9 +200,9 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
 
 
 def _with_kitchens(study: Path, folder: Path, data: Path | None) -> tuple[Path, dict[str, str]]:
-    """The study file for a server with an own database, and that server's environment. The database has no kitchens of
-    the dashboard: if the study names one, its grid is written into a copy of the file in `folder`. Models that were
-    trained here stay where they are. `data`: the folder with the kitchens and models, else that of the settings."""
+    """Return the study file for a server with an own database, and that server's environment. The database has no
+    kitchens of the dashboard: if the study names one, its grid is written into a copy of the file in `folder`. Models
+    that were trained here stay where they are. `data`: the folder with both, else that of the settings."""
     from server.commands.databases import load_stored
 
     file = load_stored(study, ServerData(data))
@@ -245,7 +245,7 @@ def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_u
 
     import uvloop
 
-    from server.bots.group import judge
+    from server.bots.group import check_outcome
     from server.commands.databases import open_stored
 
     with ExitStack() as stack:
@@ -254,7 +254,7 @@ def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_u
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             bots = runner.run(_simulated(arguments, group, url, database))
         _say(arguments, f"{len(bots)} participants in {time.monotonic() - began:.0f} s; checking what they leave ...")
-        return judge(bots, database, group.study)
+        return check_outcome(bots, database, group.study)
 
 
 async def _simulated(

@@ -75,7 +75,7 @@ def _find(connection: "Connection", arguments: argparse.Namespace) -> "Participa
 def _confirmed() -> bool:
     if not sys.stdin.isatty():
         return False
-    return input("Delete everything about this participant? This cannot be taken back. Type yes: ").strip() == "yes"
+    return input("Delete everything about this participant? This cannot be undone. Type yes: ").strip() == "yes"
 
 
 def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 STUDIES = Path(__file__).parents[2] / "studies"
 PATTERN = STUDIES / "quick_look.yaml"
 SCHEMA = STUDIES / "schema.json"
-MOST_PLACES, WIDTH = 20, 22
+MAX_PLACES, WIDTH = 20, 22
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -114,7 +114,7 @@ def _summary(file: "StudyFile") -> str:
         f"  steps        {pages}, with {episodes} episode{'s' * (episodes != 1)}; languages {languages}",
         f"  primary      {_primary(study)}",
         f"  order        {study.order.rule}; how many of 60 simulated participants meet what in which episode:",
-        *_balance(file, min(episodes, MOST_PLACES)),
+        *_balance(file, min(episodes, MAX_PLACES)),
     ]
     return "\n".join(lines)
 
@@ -139,7 +139,7 @@ def _primary(study: "Study") -> str:
 
 
 def _balance(file: "StudyFile", places: int) -> list[str]:
-    """A row for each layout and agent, a column for each episode."""
+    """Return a row for each layout and agent, a column for each episode."""
     from server.study.checks import balance
 
     lines = ["    " + " " * WIDTH + "".join(f"{place + 1:>4}" for place in range(places))] if places else []

@@ -79,13 +79,13 @@ def report(results: "Iterable[VerificationResult]") -> tuple[list[str], int]:
         if result.difference is not None:
             line.different += 1
             different.append(result)
-    said = [f"{'layout':<24}{'episodes':>10}{'timesteps':>12}{'different':>11}\n"]
+    report_lines = [f"{'layout':<24}{'episodes':>10}{'timesteps':>12}{'different':>11}\n"]
     for layout, line in sorted(lines.items()):
-        said.append(f"{layout:<24}{line.episodes:>10}{line.timesteps:>12}{line.different:>11}\n")
+        report_lines.append(f"{layout:<24}{line.episodes:>10}{line.timesteps:>12}{line.different:>11}\n")
     for result in different[:LISTED]:
         place = "" if result.timestep is None else f", timestep {result.timestep}"
-        said.append(f"episode {result.episode}{place}: {result.difference}\n")
+        report_lines.append(f"episode {result.episode}{place}: {result.difference}\n")
     if len(different) > LISTED:
-        said.append(f"... and {len(different) - LISTED} more episodes\n")
-    said.append("Every episode was simulated to the same states.\n" if not different else "")
-    return said, 1 if different else 0
+        report_lines.append(f"... and {len(different) - LISTED} more episodes\n")
+    report_lines.append("Every episode was simulated to the same states.\n" if not different else "")
+    return report_lines, 1 if different else 0

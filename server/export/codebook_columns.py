@@ -57,7 +57,7 @@ def time(name: str, meaning: str) -> Column:
 
 
 def seats(column: Column) -> tuple[Column, Column]:
-    """The column for each of the two chefs."""
+    """Return the column for each of the two chefs."""
     meanings = (f"{column.meaning} Chef {seat}." for seat in (0, 1))
     first, second = (
         Column(f"{column.name}_{seat}", column.type, meaning, column.unit, column.bits)

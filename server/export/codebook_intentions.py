@@ -57,7 +57,7 @@ def intentions_of(row: dict[str, object]) -> dict[str, object]:
 
 
 def intentions_of_last(last: dict[str, object]) -> dict[str, object]:
-    """The same from the JSON of an episode's last state."""
+    """Return the same from the JSON of an episode's last state."""
     shown = last.get("displayed_intention")
     return {
         "intentions": tuple(Intention(**values) for values in last.get("intentions", ())),  # type: ignore[attr-defined]

@@ -43,7 +43,7 @@ keys; see `server/store/withdrawal.py`.
 
 
 def text() -> str:
-    """The whole page."""
+    """Return the whole page."""
     return "".join(_lines())
 
 

@@ -25,13 +25,13 @@ class VersionLevels:
         return any(len(blocks) > 1 for blocks in self.arms.values())
 
     def of_participant(self, condition: str) -> dict[str, str]:
-        """The levels that a participant has in all blocks."""
+        """Return the levels that a participant has in all blocks."""
         blocks = self.arms.get(condition, ())
         return {name: level for name, level in (blocks[0] if blocks else {}).items()
                 if all(block[name] == level for block in blocks)}  # fmt: skip
 
     def of_episode(self, condition: str, number: int) -> dict[str, Any]:
-        """The levels of an episode, and its block if there are several; none of the practice (number 0)."""
+        """Return the levels of an episode, and its block if there are several; none of the practice (number 0)."""
         blocks = self.arms.get(condition, ())
         place = (number - 1) // self.episodes_of_a_block if len(blocks) > 1 else 0
         if number < 1 or place >= len(blocks):

@@ -14,7 +14,7 @@ from server.play.episode_spec import EpisodeSpec
 
 SUMS: Final = "SHA256SUMS"
 _CROISSANT: Final = "croissant.json"
-_LARGEST_BYTES: Final = 20_000_000  # of the files that describe an export
+_MAX_BYTES: Final = 20_000_000  # of the files that describe an export
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,127}")
 _READ: Final = re.compile(r"(data|parquet|studies)/.*|codebook\.json")
 
@@ -108,8 +108,8 @@ def _listed(folder: Path) -> tuple[dict[str, str], bool]:
 def _small(path: Path) -> str:
     if path.is_symlink():
         raise ImportRefused(f"{path} is a link or a device. Replace it with the file itself.")
-    if path.stat().st_size > _LARGEST_BYTES:
-        raise ImportRefused(f"{path} has more than {_LARGEST_BYTES:,} bytes. Export the study again.")
+    if path.stat().st_size > _MAX_BYTES:
+        raise ImportRefused(f"{path} has more than {_MAX_BYTES:,} bytes. Export the study again.")
     return path.read_text(encoding="utf-8")
 
 

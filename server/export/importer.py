@@ -201,7 +201,7 @@ def _records(folder: Path, table: str) -> Iterator[Record]:
 
 
 def _value(text: str | None, kind: str) -> Any:
-    """An answer from its text: the inverse of exported.value_text."""
+    """Return an answer from its text: the inverse of exported.value_text."""
     return text if text is None or kind == "text" else json.loads(text)
 
 

@@ -39,7 +39,7 @@ def study_file(key: str, version: int) -> str:
 
 
 def codebook_of(columns: Columns) -> dict[str, Any]:
-    """Every table and column that was written: type, unit, meaning."""
+    """Return every table and column that was written: type, unit, meaning."""
     tables = {
         table.name: {"row": table.row, "columns": {column.name: column.described() for column in columns[table.name]}}
         for table in codebook.TABLES
@@ -210,7 +210,7 @@ Each table is {files}:
   did not (`outcome`). `ticks` names only the one that decided the action (`key_seq_S`).
 - What was predicted is recorded in every condition, also where nothing was shown (`episodes.shown`).
 - Participants with `simulated` true are bots: so are their episodes and answers. They are built so that foresight can
-  help. They are no evidence about people: never pool the two.
+  help. They are not evidence about people: never pool the two.
 - An episode's states are not stored: `kitchenmind verify` simulates them from `spec` and the actions, and compares the
   hashes.
 {trajectories}- {escaped}
@@ -239,7 +239,7 @@ def _description(versions: Sequence[StudyVersion]) -> str:
     whereof = f" ({bots} of them simulated)" if bots else ""
     return (
         "People cook together with an AI agent in Overcooked while a Theory-of-Mind predictor watches the agent and "
-        f"tells, in some conditions, what it will do next. {consented} participants consented{whereof}."
+        f"shows, in some conditions, what it will do next. {consented} participants consented{whereof}."
     )
 
 

@@ -31,7 +31,7 @@ _OF_EPISODES = (
 
 
 def _failed() -> Label[int]:
-    """The number of attention checks that a participant failed."""
+    """Return the number of attention checks that a participant failed."""
     failed: Label[int] = attention_counts()[1].label("attention_failed")
     return failed
 
@@ -48,20 +48,20 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFr
     people = {row[f"participant_{seat}"] for row in played for seat in (0, 1)} - {None}
     of_people = select(_p.id.label("participant"), studies.c.key.label("study"), _p.condition, _p.status, _failed())
     of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))
-    said = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention)
-    said = said.where(_a.participant_id.in_(people))
+    query = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention)
+    query = query.where(_a.participant_id.in_(people))
     held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.started_at, pauses.c.duration_ms)
     named = ("participant", "episode", "question", "value", "value_type", "attention")
-    told = [
+    given = [
         dict(zip(named, (*row[:3], *value_text(row[3]), row[4]), strict=True))
-        for row in connection.execute(said.order_by(_a.id))
+        for row in connection.execute(query.order_by(_a.id))
     ]
     types = schema(codebook.TICKS.columns)
     ticks = list(tick_rows.chunks(connection, iter(chosen), types))
     rows = {
         "participants": connection.execute(of_people).mappings().all(),
         "episodes": played,
-        "answers": told,
+        "answers": given,
         "pauses": connection.execute(held.where(pauses.c.episode_id.in_(chosen))).mappings().all(),
         "withdrawals": [],
     }

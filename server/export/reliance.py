@@ -44,7 +44,7 @@ def reliance_rows(chosen: Selection) -> Rows:
 
 
 def _rounds() -> "Select[Any]":
-    """The rounds with marks of studies that mislead, in the order in which they were played."""
+    """Return the rounds with marks of studies that mislead, in the order in which they were played."""
     studies = select(_e.study_id).where(misleading())
     query = select(_e.id, _e.spec, _e.participant_0, _e.participant_1)
     query = query.where(_e.kind == "episode", _e.shown != "nothing", _e.study_id.in_(studies))

@@ -95,7 +95,7 @@ def _versions(chosen: Selection) -> list[StudyVersion]:
 
 
 def wide_columns(chosen: Selection) -> tuple[Column, ...]:
-    """The columns that the participants' table has for this study's factors, episodes and questions."""
+    """Return the columns that the participants' table has for this study's factors, episodes and questions."""
     numbers = select(_e.number).where(_e.kind == "episode").distinct().order_by(_e.number)
     found = list(factor_levels.participant_columns(factor_levels.factor_levels(_versions(chosen))))
     found += [
@@ -119,13 +119,13 @@ def _wide_values(chosen: Selection, participant: str) -> Iterator[tuple[str, Any
         agent = row.agent_name or (row.agent_0, row.agent_1)[row.watched_seat]
         for pattern, value in zip(WIDE, (row.layout, agent, row.score, row.progress), strict=False):
             yield pattern.name.format(number=row.number), value
-    said = select(answers.c.step_key, answers.c.question_key, answers.c.value)
-    for answer in chosen.connection.execute(said.where(answers.c.participant_id == participant)):
+    query = select(answers.c.step_key, answers.c.question_key, answers.c.value)
+    for answer in chosen.connection.execute(query.where(answers.c.participant_id == participant)):
         yield WIDE[-1].name.format(step=answer.step_key, question=answer.question_key), value_text(answer.value)[0]
 
 
 def wide_episode_columns(chosen: Selection) -> tuple[Column, ...]:
-    """The columns that the episodes' table has for this study's factors."""
+    """Return the columns that the episodes' table has for this study's factors."""
     return factor_levels.episode_columns(factor_levels.factor_levels(_versions(chosen)))
 
 
@@ -196,7 +196,7 @@ def input_rows(chosen: Selection) -> Rows:
 
 
 def time_of(unix_ms: float) -> datetime:
-    """The instant, to the microsecond."""
+    """Return the instant, to the microsecond."""
     return _EPOCH + timedelta(microseconds=round(unix_ms * 1000))
 
 
@@ -236,29 +236,29 @@ def _excluded(episode: Any) -> Any:
 
 
 def attention_counts() -> tuple[Any, Any]:
-    """How many attention checks the participant answered, and how many wrongly."""
+    """Return how many attention checks the participant answered, and how many wrongly."""
     a = answers.c
     checks = select(func.count()).where(a.participant_id == _p.id, a.attention.is_not(None))
     return checks.scalar_subquery(), checks.where(a.attention.is_(False)).scalar_subquery()
 
 
 def has_misleading(chosen: Selection) -> bool:
-    """Whether any episode was made to mislead."""
+    """Return whether any episode was made to mislead."""
     return next(chosen.rows(select(_e.id).where(misleading()).limit(1), _e.study_id), None) is not None
 
 
 def misleading() -> Any:
-    """The condition of an episode that was made to mislead; older ones do not say."""
+    """Return the condition of an episode that was made to mislead; older ones do not say."""
     return func.coalesce(_e.spec["misleading"].as_boolean(), false()) == true()
 
 
 def episode_ids(chosen: Selection) -> Iterator[str]:
-    """The episodes, in the order of their table."""
+    """Return the episodes, in the order of their table."""
     return (row.id for row in chosen.rows(select(_e.id).order_by(*_EPISODE_ORDER), _e.study_id))
 
 
 def value_text(value: Any) -> tuple[str | None, str]:
-    """An answer as text, and what it was."""
+    """Return an answer as text, and what it was."""
     if isinstance(value, str):
         return value, "text"
     if isinstance(value, bool):

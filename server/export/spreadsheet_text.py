@@ -26,5 +26,5 @@ def escaped_text(text: str) -> str:
 
 
 def unescaped(text: str) -> str:
-    """The text before it was escaped."""
+    """Return the text before it was escaped."""
     return _UNESCAPE.sub(r"\1", text)

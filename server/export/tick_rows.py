@@ -78,7 +78,7 @@ def _table(before: Sequence[Any], after: Sequence[Any], came: Sequence[Any], typ
 
 
 def _predicted(blobs: Sequence[Any]) -> dict[str, Any]:
-    """The probabilities and the most probable action of each step; null where nothing was predicted."""
+    """Return the probabilities and the most probable action of each step; null where nothing was predicted."""
     flat = b"".join(blob or _NOTHING_PREDICTED for blob in blobs)
     table = np.frombuffer(flat, "<f4").reshape(-1, len(STEPS), len(ACTION_NAMES))  # (rows, steps, actions)
     nothing = np.array([blob is None for blob in blobs])

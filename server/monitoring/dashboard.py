@@ -39,7 +39,7 @@ class Dashboard:
         self.quality = DataQuality(live.web.database)
 
     async def of(self, study_ids: tuple[int, ...], study: Study, tab: str, blind: bool) -> dict[str, Any]:
-        """All figures of a study, and the participants of one tab. Raises DatabaseDown."""
+        """Return all figures of a study, and the participants of one tab. Raises DatabaseDown."""
         key = (study.name, tab, blind)
         async with self._reading:
             kept = self._kept.get(key)
@@ -108,16 +108,16 @@ class Dashboard:
         }
 
     def _row(self, person: Person, arms: dict[str, str]) -> dict[str, Any]:
-        way = way_of(self._live.web.studies, person)
-        step = way[min(person.position, len(way) - 1)]
+        sequence = steps_of(self._live.web.studies, person)
+        step = sequence[min(person.position, len(sequence) - 1)]
         until = person.completed_at or person.last_seen_at
         return {
             "id": person.id,
             "who": participants.label(person.number, person.simulated),
             "status": person.status,
             "now": step_name(step) if person.status == "active" else GONE.get(person.status, "completed"),
-            "done": person.position if person.status != "completed" else len(way),
-            "steps": len(way),
+            "done": person.position if person.status != "completed" else len(sequence),
+            "steps": len(sequence),
             "seen_s": max(0, round((datetime.now(UTC) - person.last_seen_at).total_seconds())),
             "minutes": round((until - person.started_at).total_seconds() / 60),
             "arm": arms.get(person.condition, ""),
@@ -150,8 +150,8 @@ class Dashboard:
         return found
 
 
-def way_of(studies: Studies, person: Person) -> tuple[StudyStep, ...]:
-    """All steps of a participant."""
+def steps_of(studies: Studies, person: Person) -> tuple[StudyStep, ...]:
+    """Return all steps of a participant."""
     study = studies.version(person.study_id)
     if study is None:
         return (StudyStep("unknown", "page", "finish"),)
@@ -181,7 +181,7 @@ def accuracy_of(accuracy: RunningAccuracy) -> dict[str, Any]:
 
 
 def shares(right: int, asked: int) -> list[float] | None:
-    """A share with its interval, as the page shows it; None of nothing."""
+    """Return a share with its interval, as the page shows it; None of nothing."""
     return [round(value, 4) for value in wilson(right, asked)] if asked else None
 
 

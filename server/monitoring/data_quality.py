@@ -31,16 +31,16 @@ class DataQuality:
     def __init__(self, database: Database) -> None:
         self._database = database
         self._known: dict[str, tuple[Key, EpisodeQuality]] = {}
-        self._judging = asyncio.Lock()
+        self._checking = asyncio.Lock()
 
     async def look(self, study_ids: tuple[int, ...]) -> int:
         """Check some that are new, latest first; return how many are still to be checked. Raises DatabaseDown."""
-        async with self._judging:
+        async with self._checking:
             new = [key for key in await self._database.read(_over, study_ids) if self._is_new(key)]
             for start in range(0, min(A_LOOK, len(new)), AT_ONCE):
                 some = new[start : start + AT_ONCE]
-                said = await self._database.read(_judge, [episode for episode, *_ in some])
-                self._known |= {key[0]: (key, said.get(key[0], EpisodeQuality("keep", ""))) for key in some}
+                found = await self._database.read(_proposals, [episode for episode, *_ in some])
+                self._known |= {key[0]: (key, found.get(key[0], EpisodeQuality("keep", ""))) for key in some}
             return max(0, len(new) - A_LOOK)
 
     def of(self, episode: str) -> EpisodeQuality | None:
@@ -49,7 +49,7 @@ class DataQuality:
         return known[1] if known else None
 
     def by_person(self) -> dict[str, Counter[str]]:
-        """How often each participant's episodes were proposed to be kept, looked at or dropped."""
+        """Return how often each participant's episodes were proposed to be kept, looked at or dropped."""
         found: dict[str, Counter[str]] = {}
         for (_, person, _), one in self._known.values():
             found.setdefault(person, Counter())[one.proposal] += 1
@@ -72,9 +72,9 @@ def _over(connection: Connection, study_ids: tuple[int, ...]) -> "list[Key]":
     return quality_inputs.over(connection, study_ids)
 
 
-def _judge(connection: Connection, episodes: list[str]) -> dict[str, EpisodeQuality]:
-    from analysis.episode_quality import judge
+def _proposals(connection: Connection, episodes: list[str]) -> dict[str, EpisodeQuality]:
+    from analysis.episode_quality import episode_proposals
     from server.export import quality_inputs
 
     tables: dict[str, Any] = quality_inputs.tables(connection, episodes)
-    return {episode: EpisodeQuality(*said) for episode, said in judge(tables).items()}
+    return {episode: EpisodeQuality(*proposal) for episode, proposal in episode_proposals(tables).items()}

@@ -16,7 +16,8 @@ ANSWER = "value"
 
 
 def asked_of_some(studies: Iterable[Study]) -> tuple[str, ...]:
-    """The keys of questions that not every condition asks: in blind mode, an answer to one would tell the condition."""
+    """Return the keys of questions that not every condition asks: in blind mode, an answer to one would reveal the
+    condition."""
     keys: set[str] = set()
     for study in studies:
         questionnaires = [*study.questionnaires.values(), *([study.quiz] if study.quiz else [])]
@@ -25,7 +26,7 @@ def asked_of_some(studies: Iterable[Study]) -> tuple[str, ...]:
 
 
 def shown_rows(page: DataPage) -> list[list[str]]:
-    """Each row as the page shows it: people by their label, times to the second (UTC)."""
+    """Return each row as the page shows it: people by their label, times to the second (UTC)."""
     names = [column.name for column in page.columns]
     rows = []
     for row in page.rows:
@@ -53,7 +54,7 @@ def csv_head(columns: Sequence[ViewColumn]) -> str:
 
 
 def csv_rows(page: DataPage) -> str:
-    """The rows as lines of CSV; texts that a spreadsheet would run get an apostrophe in front."""
+    """Return the rows as lines of CSV; texts that a spreadsheet would run get an apostrophe in front."""
     return _csv([[escaped_text(text) for text in row] for row in shown_rows(page)])
 
 

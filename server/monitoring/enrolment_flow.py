@@ -94,8 +94,8 @@ def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) ->
 def flow_of(study: Study, held: Stock) -> list[Node]:
     """Return the flow from the link to the analysis, without the first node if no browser was counted (bots open no
     page)."""
-    way = steps(study, study.conditions[0].name, study.seed)
-    nodes = [_phase(way, phase, held) for phase in PHASES if _inside(way, phase)]
+    every_step = steps(study, study.conditions[0].name, study.seed)
+    nodes = [_phase(every_step, phase, held) for phase in PHASES if _inside(every_step, phase)]
     excluded = sum(held.excluded.values())
     completed = _sum(held.counts, "completed")
     nodes.append({"name": "Completed", "reached": completed, "here": 0, "lost": _some({"excluded": excluded})})
@@ -114,18 +114,20 @@ def _opened(arrived: Mapping[tuple[str, str], int], consented: int) -> list[Node
     return [{"name": "Opened the link", "reached": max(opened, consented), "here": 0, "lost": _some(lost)}]
 
 
-def _inside(way: tuple[StudyStep, ...], phase: str) -> list[int]:
-    return [index for index, step in enumerate(way) if step.phase == phase and step.kind != "thanks"]
+def _inside(every_step: tuple[StudyStep, ...], phase: str) -> list[int]:
+    return [index for index, step in enumerate(every_step) if step.phase == phase and step.kind != "thanks"]
 
 
-def _phase(way: tuple[StudyStep, ...], phase: str, held: Stock) -> Node:
+def _phase(every_step: tuple[StudyStep, ...], phase: str, held: Stock) -> Node:
     """Return how many reached the first step of the phase, are in it, and left in it."""
     counts = held.counts
-    inside = _inside(way, phase)
-    is_first = min(inside) == min(index for each in PHASES for index in _inside(way, each))
+    inside = _inside(every_step, phase)
+    is_first = min(inside) == min(index for each in PHASES for index in _inside(every_step, each))
     first, last = (0 if is_first else min(inside)), max(inside)
-    here = {key: count for key, count in counts.items() if first <= min(key[2], len(way) - 1) <= last}
-    inattentive = {key: count for key, count in held.inattentive.items() if first <= min(key[1], len(way) - 1) <= last}
+    here = {key: count for key, count in counts.items() if first <= min(key[2], len(every_step) - 1) <= last}
+    inattentive = {
+        key: count for key, count in held.inattentive.items() if first <= min(key[1], len(every_step) - 1) <= last
+    }
     reached = sum(
         count for (_, status, position), count in counts.items() if status == "completed" or position >= first
     )

@@ -15,7 +15,7 @@ from server.store.tables import participants
 
 SAMPLE_S: Final = 5.0
 KEPT: Final = 720  # samples: an hour
-MOST_POINTS: Final = 300
+MAX_POINTS: Final = 300
 
 
 class LatencyHistory:
@@ -38,7 +38,7 @@ class LatencyHistory:
         p50, p99 = (late[int(part * len(late))] for part in (0.5, 0.99)) if late else (None, None)
         self._rows.append((now, loop.moving, p50, p99))
 
-    def said(self) -> dict[str, list[Any]]:
+    def to_columns(self) -> dict[str, list[Any]]:
         """Return columns of the same length, oldest first; null if no game was running."""
         columns = list(zip(*self._rows, strict=True)) or [(), (), (), ()]
         at, games, p50, p99 = columns
@@ -51,7 +51,7 @@ def _rounded(values: Sequence[float | None]) -> list[float | None]:
 
 def people(connection: Connection, study_ids: Sequence[int]) -> dict[str, list[int]]:
     """Return how many people (in a rehearsal: bots) had consented and completed at each moment, as columns; at most
-    MOST_POINTS moments."""
+    MAX_POINTS moments."""
     p = participants.c
     group = overview.group_to_show(connection, study_ids)
     rows = connection.execute(select(p.started_at, p.completed_at).where(group.members())).all()
@@ -60,7 +60,7 @@ def people(connection: Connection, study_ids: Sequence[int]) -> dict[str, list[i
     for moment, kind in sorted(moments):
         counts[kind] += 1
         points.append((_seconds(moment), *counts))
-    step = max(1, -(-len(points) // MOST_POINTS))
+    step = max(1, -(-len(points) // MAX_POINTS))
     kept = points[::-1][::step][::-1]  # the last one is always kept
     return {name: [point[place] for point in kept] for place, name in enumerate(("at", "consented", "completed"))}
 

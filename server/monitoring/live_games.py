@@ -61,11 +61,11 @@ class LiveGames:
         return [view for view in self._views[1] if view.study_id in study_ids]
 
     async def peer_plays(self, played: Played) -> bool:
-        """Whether another process plays the episode."""
+        """Return whether another process plays the episode."""
         return any(view.id == played.id for view in await self.views((played.study_id,)))
 
     async def own_views(self) -> list[View]:
-        """The games of this process, for the dashboards of others."""
+        """Return the games of this process, for the dashboards of others."""
         made = []
         for card in await self.cards(self.web.studies.every_version()):
             made.append(
@@ -147,13 +147,13 @@ def card_of(live: LiveGames, card: Card, arms: dict[str, str]) -> dict[str, Any]
 
 
 def kitchen_of(game: Game) -> dict[str, Any]:
-    """The current state as the browser draws it."""
+    """Return the current state as the browser draws it."""
     kitchen = game.session.simulation.kitchen()
     return {name: getattr(kitchen, name) for name in ("t", "players", "counters", "pots", "score", "soups")}
 
 
 def board_of(game: Game, blind: bool) -> dict[str, Any]:
-    """The current state with the marks that the participant sees."""
+    """Return the current state with the marks that the participant sees."""
     session = game.session
     board = {
         "state": kitchen_of(game),
@@ -165,7 +165,7 @@ def board_of(game: Game, blind: bool) -> dict[str, Any]:
 
 
 def blinded(board: dict[str, Any]) -> dict[str, Any]:
-    """A board, also one of another process, without what tells the condition."""
+    """Return a board, also one of another process, without what reveals the condition."""
     return board | {"prediction": [], "intention": hidden(board["intention"])}
 
 

@@ -1,6 +1,6 @@
 """Recorded games that a researcher opens from a file: simulated again by the rules, shown, and never stored.
 
-A process of its own reads the file, so that no running game waits for it. `python -m server.monitoring.opened_games
+A separate process reads the file, so that no running game waits for it. `python -m server.monitoring.opened_games
 NAME` with the file at its input prints the records.
 """
 
@@ -20,13 +20,13 @@ from overcooked.trajectory import TrajectoryError
 from server.monitoring.low_priority import start_module
 from server.play.simulation import SimulatedStep, Simulation
 
-LARGEST_BYTES: Final = 32 * 1024 * 1024  # of a file, packed or not
-MOST_TIMESTEPS: Final = 30_000
+MAX_BYTES: Final = 32 * 1024 * 1024  # of a file, packed or not
+MAX_TIMESTEPS: Final = 30_000
 TICK_MS: Final = 200  # how fast they are shown; files do not say how fast they were played
-_WITHIN_S: Final = 60.0
+_TIMEOUT_S: Final = 60.0
 _NICE: Final = 10
 _PROGRAM: Final = "server.monitoring.opened_games"
-_LONGEST_WORDS: Final = 2000
+_MAX_MESSAGE: Final = 2000
 
 
 class UnreadableGamesError(ValueError):
@@ -38,7 +38,7 @@ async def opened(data: bytes, name: str) -> bytes:
     pipe = subprocess.PIPE
     process = await asyncio.to_thread(start_module, _PROGRAM, name, standard_input=pipe, output=pipe, errors=pipe)
     try:
-        records, words = await asyncio.to_thread(process.communicate, data, _WITHIN_S)
+        records, words = await asyncio.to_thread(process.communicate, data, _TIMEOUT_S)
     except subprocess.TimeoutExpired:
         raise UnreadableGamesError(f"{name}: this takes too long. Open a file with fewer games.") from None
     finally:
@@ -46,8 +46,8 @@ async def opened(data: bytes, name: str) -> bytes:
             process.kill()
             process.wait()
     if process.returncode:
-        said = words.decode(errors="replace").strip()[-_LONGEST_WORDS:]
-        raise UnreadableGamesError(said or f"{name}: it cannot be read")
+        message = words.decode(errors="replace").strip()[-_MAX_MESSAGE:]
+        raise UnreadableGamesError(message or f"{name}: it cannot be read")
     return records
 
 
@@ -60,9 +60,9 @@ def records_of(data: bytes, name: str) -> list[dict[str, Any]]:
     if not episodes:
         raise UnreadableGamesError(f"{name}: there is no episode in this file")
     timesteps = sum(len(episode.joint_actions) for episode in episodes)
-    if timesteps > MOST_TIMESTEPS:
+    if timesteps > MAX_TIMESTEPS:
         raise UnreadableGamesError(
-            f"{name}: {timesteps} timesteps are more than a page can show ({MOST_TIMESTEPS}). Open a part of the file."
+            f"{name}: {timesteps} timesteps are more than a page can show ({MAX_TIMESTEPS}). Open a part of the file."
         )
     return [_record(episode, number) for number, episode in enumerate(episodes, start=1)]
 
@@ -72,11 +72,11 @@ def _unpacked(data: bytes, name: str) -> bytes:
         return data
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
-            plain = file.read(LARGEST_BYTES + 1)
+            plain = file.read(MAX_BYTES + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise UnreadableGamesError(f"{name}: this .gz file is incomplete ({error}). Copy it again.") from None
-    if len(plain) > LARGEST_BYTES:
-        raise UnreadableGamesError(f"{name}: unpacked, it has more than {LARGEST_BYTES} bytes. Open a part of it.")
+    if len(plain) > MAX_BYTES:
+        raise UnreadableGamesError(f"{name}: unpacked, it has more than {MAX_BYTES} bytes. Open a part of it.")
     return plain
 
 

@@ -18,12 +18,12 @@ from typing import Any, Final
 from server.background_tasks import ended
 
 log = logging.getLogger(__name__)
-MOST_BOTS: Final = 40
-WITHIN_S: Final = 1800.0
+MAX_BOTS: Final = 40
+TIMEOUT_S: Final = 1800.0
 _NICE: Final = 10
-_END_WITHIN_S: Final = 5.0
+_END_TIMEOUT_S: Final = 5.0
 _PROGRAM: Final = Path(__file__).parents[2] / "kitchenmind"
-_LONGEST_WORDS: Final = 4000
+_MAX_MESSAGE: Final = 4000
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,13 @@ class Rehearsals:
             with tempfile.TemporaryDirectory(prefix="kitchenmind-rehearsal-") as folder:
                 file = Path(folder) / "draft.yaml"
                 file.write_text(text, encoding="utf-8")
-                status, said, told = await _bots(rehearsal.number, file, self._data)
+                status, output, errors = await _bots(rehearsal.number, file, self._data)
         except OSError as error:  # a full disk, too many processes
-            status, said, told = None, "", str(error)
+            status, output, errors = None, "", str(error)
         outcome: dict[str, Any] = {}
         with contextlib.suppress(ValueError):
-            outcome = json.loads(said)
-        failure = "" if outcome else (told.strip()[-_LONGEST_WORDS:] or f"the command ended with status {status}")
+            outcome = json.loads(output)
+        failure = "" if outcome else (errors.strip()[-_MAX_MESSAGE:] or f"the command ended with status {status}")
         over = Rehearsal(rehearsal.draft, rehearsal.revision, rehearsal.number, rehearsal.by, False, outcome, failure)
         try:
             await note(over)
@@ -104,11 +104,11 @@ async def _bots(number: int, file: Path, data: Path | None) -> tuple[int | None,
         env=environment,
     )
     try:
-        async with asyncio.timeout(WITHIN_S):
-            said, told = await process.communicate()
-        return process.returncode, said.decode(errors="replace"), told.decode(errors="replace")
+        async with asyncio.timeout(TIMEOUT_S):
+            output, errors = await process.communicate()
+        return process.returncode, output.decode(errors="replace"), errors.decode(errors="replace")
     except TimeoutError:
-        return None, "", f"the bots took more than {WITHIN_S / 60:.0f} minutes"
+        return None, "", f"the bots took more than {TIMEOUT_S / 60:.0f} minutes"
     finally:
         if process.returncode is None:
             await _end(process)
@@ -120,7 +120,7 @@ async def _end(process: asyncio.subprocess.Process) -> None:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, how)
         with contextlib.suppress(asyncio.CancelledError, TimeoutError):
-            async with asyncio.timeout(_END_WITHIN_S):
+            async with asyncio.timeout(_END_TIMEOUT_S):
                 await process.communicate()
         if process.returncode is not None:
             return

@@ -22,7 +22,7 @@ _BREATHE_EVERY: Final = 16  # timesteps between which the live games' thread can
 
 
 def record_json(connection: Connection, episode: str, blind: bool) -> str:
-    """The record as JSON. Raises BrokenEpisode, LayoutError."""
+    """Return the record as JSON. Raises BrokenEpisode, LayoutError."""
     loaded = episodes.load(connection, episode)
     if loaded is None:
         raise BrokenEpisode(f"there is no episode {episode}")
@@ -56,7 +56,8 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
 
 
 def simulate(loaded: EpisodeRecord, stored: list[TickRecord], blind: bool) -> tuple[list[dict[str, Any]], str | None]:
-    """A row for each stored tick, and the first difference between the rules and the record (None: all are equal)."""
+    """Return a row for each stored tick, and the first difference between the rules and the record (None: all are
+    equal)."""
     simulation = Simulation(parse_layout(loaded.spec.grid, loaded.spec.layout), loaded.spec.horizon)
     rows: list[dict[str, Any]] = []
     difference = None
@@ -99,7 +100,7 @@ def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, A
 
 
 def visible(arrived: Sequence[InputRecord], blind: bool) -> list[InputRecord]:
-    """Return the inputs that the page may show: the marks key would tell a blind researcher the condition."""
+    """Return the inputs that the page may show: the marks key would reveal the condition to a blind researcher."""
     if not blind:
         return list(arrived)
     return [structs.replace(one, marks=None) for one in arrived if one.outcome != MARKS]
@@ -131,14 +132,14 @@ def _accuracy(stored: list[TickRecord], seat: int) -> list[dict[str, Any]]:
             for n, tick in enumerate(stored)
             if tick.prediction and n + step + 1 < len(stored)
         ]
-        right = sum(1 for said, done in pairs if done is not None and done[seat] == said)
+        right = sum(1 for predicted, done in pairs if done is not None and done[seat] == predicted)
         share, low, high = wilson(right, len(pairs))
         rows.append({"share": round(share, 4), "low": round(low, 4), "high": round(high, 4), "n": len(pairs)})
     return rows
 
 
 def _intention_accuracy(connection: Connection, episode: str) -> dict[str, Any] | None:
-    """How often the likeliest intention came, with its interval; None without intentions."""
+    """Return how often the likeliest intention came, with its interval; None without intentions."""
     asked, right = interactions.hits_of(connection, episode)
     if not asked:
         return None

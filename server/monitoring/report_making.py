@@ -27,13 +27,13 @@ STAGES: Final = ("Exporting the data", "Computing the statistics", "Drawing the 
 ARCHIVE: Final = "report.zip"  # these two are what the process leaves in its folder
 ABOUT: Final = "about.json"
 PAGE: Final = "report.html"  # in the archive
-LARGEST_BYTES: Final = 64 * 1024 * 1024
-WITHIN_S: Final = 3600.0
+MAX_BYTES: Final = 64 * 1024 * 1024
+TIMEOUT_S: Final = 3600.0
 _PACKAGES: Final = ("matplotlib", "scipy")
 _PROGRAM: Final = "server.commands.report_archive"
 _STAGE_FILE, _ERRORS = "stage", "errors"
 _LOOK_EVERY_S: Final = 0.5
-_LONGEST_WORDS: Final = 1000
+_MAX_MESSAGE: Final = 1000
 
 
 class ReportFailed(Exception):
@@ -105,7 +105,7 @@ class StudyReports:
             raise ReportFailed(_reason(errors.read_text(errors="replace"), process.returncode))
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
         archive = await asyncio.to_thread((folder / ARCHIVE).read_bytes)
-        if len(archive) > LARGEST_BYTES:
+        if len(archive) > MAX_BYTES:
             raise ReportFailed("The report is too large to be kept here. Use `kitchenmind report`.")
         if not await self._database.write(
             study_reports.finish, number, archive, about["participants"], about["simulated"]
@@ -119,8 +119,8 @@ class StudyReports:
         while process.poll() is None:
             await asyncio.sleep(_LOOK_EVERY_S)
             now = time.monotonic()
-            if now - began > WITHIN_S:
-                raise ReportFailed(f"The report took more than {WITHIN_S / 60:.0f} minutes and was stopped.")
+            if now - began > TIMEOUT_S:
+                raise ReportFailed(f"The report took more than {TIMEOUT_S / 60:.0f} minutes and was stopped.")
             before = stage
             with contextlib.suppress(FileNotFoundError):  # there is none in the first stage
                 stage = (folder / _STAGE_FILE).read_text(encoding="utf-8")
@@ -137,9 +137,9 @@ def _begin(connection: Connection, study: str, by: str) -> int | None:
 
 
 def _reason(words: str, status: int) -> str:
-    """What the process said at its end; of an error in the code, its last line."""
-    said = words.strip().removeprefix("kitchenmind export: ")
-    if "Traceback (most recent call last)" in said:
+    """Return the process's last message; of an error in the code, its last line."""
+    message = words.strip().removeprefix("kitchenmind export: ")
+    if "Traceback (most recent call last)" in message:
         log.error("a report failed:\n%s", words)
-        said = said.splitlines()[-1]
-    return said[-_LONGEST_WORDS:] or f"The process ended with status {status}."
+        message = message.splitlines()[-1]
+    return message[-_MAX_MESSAGE:] or f"The process ended with status {status}."

@@ -13,7 +13,7 @@ import httpx
 log = logging.getLogger(__name__)
 PAUSES_S: Final = (1.0, 5.0, 30.0)  # before each further try
 TIMEOUT_S: Final = 5.0
-MOST_WAITING: Final = 100
+MAX_WAITING: Final = 100
 _AGAIN = frozenset({408, 425, 429})
 
 
@@ -22,7 +22,7 @@ class Webhook:
 
     def __init__(self, address: str, pauses_s: Sequence[float] = PAUSES_S) -> None:
         self._address, self._pauses_s = address, tuple(pauses_s)
-        self._waiting: deque[Mapping[str, Any]] = deque(maxlen=MOST_WAITING)  # the oldest goes first
+        self._waiting: deque[Mapping[str, Any]] = deque(maxlen=MAX_WAITING)  # the oldest goes first
         self._fresh = asyncio.Event()
         logging.getLogger("httpx").setLevel(logging.WARNING)  # it would log the address, which is a secret
 

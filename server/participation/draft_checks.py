@@ -52,11 +52,11 @@ def _foreign(file: StudyFile, served: Sequence[StudyFile]) -> Iterator[Problem]:
     """Refuse models that are files, Python classes or addresses: loading them runs or reads what they name, which only
     people with access to the server may decide, not accounts of the dashboard."""
     known = {without_variant(model) for one in served for _, _, model in models_named(one.study)}
-    told = set()
+    reported = set()
     for place, _, model in models_named(file.study):
         base = without_variant(model)
-        if (is_foreign(base) or "/" in base) and base not in known and base not in told:
-            told.add(base)
+        if (is_foreign(base) or "/" in base) and base not in known and base not in reported:
+            reported.add(base)
             reason = f"{base!r} is a file, a Python class or an address"
             remedy = "Name a bundled agent here, or one that a study file of this server names."
             yield Problem(place, reason, remedy)

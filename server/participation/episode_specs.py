@@ -23,11 +23,11 @@ _SHOWN: dict[str, Literal["nothing", "random", "predictor"]] = {
 
 
 def episode_spec(study: Study, step: StudyStep, condition: str, language: str, people: int = 1) -> EpisodeSpec:
-    """The episode of a tutorial or episode step, for a participant in `condition` who reads `language`. `people`: how
-    many play a round of two; a participant without a partner plays with the study's fallback agent. Episodes of all
-    conditions differ only in what is shown: the predictor runs in each. Raises LayoutError or FileNotFoundError for an
-    invalid layout (`kitchenmind study check` finds these first), KeyError for names that the study lacks.
-    """
+    """Return the episode of a tutorial or episode step, for a participant in `condition` who reads `language`.
+    `people`: how many play a round of two; a participant without a partner plays with the study's fallback agent.
+    Episodes of all conditions differ only in what is shown: the predictor runs in each. Raises LayoutError or
+    FileNotFoundError for an invalid layout (`kitchenmind study check` finds these first), KeyError for names that the
+    study lacks."""
     arm = study.condition(condition).at(step.block)
     tutorial = step.kind == "tutorial"
     kitchen = study.tutorial.layout if tutorial else study.layout(step.layout)
@@ -63,7 +63,8 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
 
 
 def agent_of(study: Study, step: StudyStep, people: int = 1) -> PartnerSettings:
-    """The partner in a tutorial or episode step; if a round of two is played by one, the study's fallback agent."""
+    """Return the partner in a tutorial or episode step; if a round of two is played by one, the study's fallback
+    agent."""
     agent = study.tutorial.agent if step.kind == "tutorial" else study.agent(step.agent)
     return study.waiting_room.agent if agent.human and people == 1 else agent
 
@@ -85,7 +86,7 @@ def opacity_of(study: Study, condition: Condition) -> bool:
 
 
 def view_radius_of(study: Study, condition: Condition) -> int:
-    """How many cells around their chef people in a condition see; 0: the whole kitchen."""
+    """Return how many cells around their chef people in a condition see; 0: the whole kitchen."""
     own = condition.view_radius
     return (study.game.view_radius or 0) if own is None else own
 
@@ -99,7 +100,7 @@ def is_misleading(condition: Condition, step: StudyStep) -> bool:
 
 
 def layout_of(kitchen: KitchenChoice) -> Layout:
-    """The layout of a study's kitchen, bundled or its own grid. Raises LayoutError, FileNotFoundError."""
+    """Return the layout of a study's kitchen, bundled or its own grid. Raises LayoutError, FileNotFoundError."""
     return _layout(kitchen.name, kitchen.grid)
 
 

@@ -31,14 +31,16 @@ class Company:
 
 
 def is_for_two(study: Study, step: StudyStep) -> bool:
-    """Whether this step is a round of two people."""
+    """Return whether this step is a round of two people."""
     return step.kind == "episode" and study.agent(step.agent).human
 
 
 def company(connection: Connection, studies: Studies, participant: Participant, step: StudyStep) -> Company:
     """Return the participant's partner, or why there is none."""
     study = studies.of(participant)
-    rounds = {one.number for one in studies.way(participant) if is_for_two(study, one) and one.number < step.number}
+    rounds = {
+        one.number for one in studies.steps_of(participant) if is_for_two(study, one) and one.number < step.number
+    }
     played = [one for one in episodes.of_participant(connection, participant.id) if one.number in rounds]
     if not played:
         return Company()
@@ -120,6 +122,6 @@ def _note(
 
 
 def _other(episode: StoredEpisode, participant: str) -> str | None:
-    """The other person of an episode; None where that seat is an agent's."""
+    """Return the other person of an episode; None where that seat is an agent's."""
     seats = (episode.participant_0, episode.participant_1)
     return seats[1 - seats.index(participant)]

@@ -133,7 +133,7 @@ def enrol_within(
 
 
 def is_paused(connection: Connection, study: str) -> bool:
-    """Whether a researcher has paused the study."""
+    """Return whether a researcher has paused the study."""
     return study in decisions.paused_studies(connection)
 
 
@@ -176,27 +176,27 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
         return participant
     if _place_is_lost(connection, all_studies, participant):
         return participants.get(connection, participant_id)
-    way = all_studies.way(participant)
-    step = way[min(participant.position, len(way) - 1)]
+    sequence = all_studies.steps_of(participant)
+    step = sequence[min(participant.position, len(sequence) - 1)]
     if step.is_game and _is_over(connection, participant, step):
         move_on(connection, all_studies, participant)
         participant = participants.get(connection, participant_id)
-        step = way[participant.position] if participant else step
+        step = sequence[participant.position] if participant else step
     answers.enter(connection, participant_id, step.key)
     participants.seen(connection, participant_id)
     return participants.get(connection, participant_id)
 
 
 def submit(connection: Connection, all_studies: Studies, participant_id: str, submission: Submission) -> bool:
-    """Store a page's answers and advance to the next step. Returns False, and changes nothing, if the participant is no
-    longer at that step: the page was sent twice, from another tab, or after the end."""
+    """Store a page's answers and advance to the next step. Returns False, and changes nothing, if the
+    participant has left that step: the page was sent twice, from another tab, or after the end."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return False
     if _place_is_lost(connection, all_studies, participant):
         return False
-    way = all_studies.way(participant)
-    step = way[min(participant.position, len(way) - 1)]
+    sequence = all_studies.steps_of(participant)
+    step = sequence[min(participant.position, len(sequence) - 1)]
     if step.key != submission.step.key or step.kind == "thanks":
         return False
     if step.kind == "quiz" and submission.attempt != quiz_attempt(connection, participant_id):

@@ -11,7 +11,7 @@ from server.study.definition import Study
 from server.study.recruitment import Exit, Recruitment
 
 log = logging.getLogger(__name__)
-LONGEST_PARAMETER = 128
+MAX_PARAMETER_LENGTH = 128
 MTURK_HOME: Final = "turkSubmitTo"
 # All values that MTurk uses for `turkSubmitTo`. The value in the link only selects one of these.
 MTURK_ORIGINS: Final = ("https://www.mturk.com", "https://workersandbox.mturk.com", "https://worker.mturk.com")
@@ -22,7 +22,7 @@ PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"  # MTurk's value in a preview
 
 
 @dataclass(frozen=True)
-class WayBack:
+class ReturnTarget:
     """The target of the last page: a link, or a form with hidden `fields` that is posted to `url`."""
 
     url: str
@@ -64,7 +64,8 @@ def may_start_new(study: Study) -> bool:
 
 
 def leave_url(outcome: Exit, values: Mapping[str, str]) -> str | None:
-    """The study's own address for this outcome, filled in; None where there is none or a value for it is missing."""
+    """Return the study's own address for this outcome, filled in; None where there is none or a value for it is
+    missing."""
     if outcome.url is None:
         return None
     url = outcome.url
@@ -73,19 +74,19 @@ def leave_url(outcome: Exit, values: Mapping[str, str]) -> str | None:
     return None if "{" in url else url
 
 
-def way_back(recruitment: Recruitment, outcome: Exit, values: Mapping[str, str]) -> WayBack | None:
+def return_target(recruitment: Recruitment, outcome: Exit, values: Mapping[str, str]) -> ReturnTarget | None:
     """Return the way back to the recruiter, which reports a finished assignment. `values`: `code`, `person` and the
     link's parameters."""
     url = leave_url(outcome, values)
     if url is not None:
-        return WayBack(url)
+        return ReturnTarget(url)
     assignment, home = values.get("assignmentId", PREVIEW), mturk_origin(values.get(MTURK_HOME, ""))
     if recruitment.source != "mturk" or outcome is not recruitment.completed or assignment == PREVIEW:
         return None
     if home is None:
         return None
     fields = {"assignmentId": assignment, "code": values.get("code", "")}
-    return WayBack(f"{home}/mturk/externalSubmit", fields)
+    return ReturnTarget(f"{home}/mturk/externalSubmit", fields)
 
 
 def mturk_origin(address: str) -> str | None:
@@ -95,10 +96,10 @@ def mturk_origin(address: str) -> str | None:
 
 
 def _parameter(given: Mapping[str, str], name: str | None) -> str | None:
-    """A parameter's value, whatever the case of its name; one that is too long, not printable or a placeholder that
-    the recruiter did not fill in counts as none."""
+    """Return a parameter's value, whatever the case of its name; one that is too long, not printable or a placeholder
+    that the recruiter did not fill in counts as none."""
     value = _value(given, name).strip() if name else ""
-    if not value or len(value) > LONGEST_PARAMETER or not value.isprintable():
+    if not value or len(value) > MAX_PARAMETER_LENGTH or not value.isprintable():
         return None
     return None if _PLACEHOLDER.search(value) or _PLACEHOLDER.search(unquote(value)) else value
 

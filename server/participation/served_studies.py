@@ -9,7 +9,7 @@ from server.store import answers
 from server.store import studies as stored_studies
 from server.store.database import Database
 from server.store.participants import Participant
-from server.study.branching import Said
+from server.study.branching import EarlierAnswers
 from server.study.definition import Study
 from server.study.loader import StudyError, StudyFile, parse_study
 from server.study.steps import StudyStep, steps
@@ -60,38 +60,38 @@ class Studies:
         self._versions = self._versions | found  # a new one: the event loop may be reading it
 
     def names(self) -> tuple[str, ...]:
-        """The studies that take new participants, in the order given."""
+        """Return the studies that take new participants, in the order given."""
         return tuple(self._open)
 
     def open(self, name: str) -> tuple[int, Study] | None:
-        """The version that takes new participants: its number in the database, and the study."""
+        """Return the version that takes new participants: its number in the database, and the study."""
         number = self._open.get(name)
         return None if number is None else (number, self._versions[number])
 
     def version(self, study_id: int) -> Study | None:
-        """The study as it was when somebody consented."""
+        """Return the study as it was when somebody consented."""
         return self._versions.get(study_id)
 
     def versions(self, name: str) -> tuple[int, ...]:
-        """The numbers of all versions of a study, newest first."""
+        """Return the numbers of all versions of a study, newest first."""
         return tuple(sorted((number for number, study in self._versions.items() if study.name == name), reverse=True))
 
     def every_version(self) -> tuple[int, ...]:
-        """The numbers of all versions of all studies."""
+        """Return the numbers of all versions of all studies."""
         return tuple(self._versions)
 
     def of(self, participant: Participant) -> Study:
-        """The study that the participant is in. Raises KeyError when its version can no longer be read."""
+        """Return the study that the participant is in. Raises KeyError when its version can no longer be read."""
         return self._versions[participant.study_id]
 
-    def way(self, participant: Participant) -> tuple[StudyStep, ...]:
+    def steps_of(self, participant: Participant) -> tuple[StudyStep, ...]:
         """Return all steps of the participant."""
         study = self.of(participant)
         # Conditions fill in turn, so counting per condition spreads the rows of a Latin square evenly over each.
         number = (participant.allocation_number - 1) // len(study.conditions)
         return steps(study, participant.condition, participant.seed, number)
 
-    async def said(self, database: Database, participant: Participant) -> Said | None:
+    async def earlier_answers(self, database: Database, participant: Participant) -> EarlierAnswers | None:
         """Return the answers on which pages and questions may depend; none are read for a study without branches."""
         if not self.of(participant).branches:
             return {}
@@ -99,5 +99,5 @@ class Studies:
 
     def step(self, participant: Participant) -> StudyStep:
         """Return the participant's current step; the last one for those who finished."""
-        way = self.way(participant)
-        return way[min(participant.position, len(way) - 1)]
+        sequence = self.steps_of(participant)
+        return sequence[min(participant.position, len(sequence) - 1)]

@@ -84,11 +84,11 @@ class Versions(Protocol):
         ...
 
     def of_files(self) -> tuple[StudyFile, ...]:
-        """The studies that are served from files."""
+        """Return the studies that are served from files."""
         ...
 
     def file_of(self, name: str) -> StudyFile | None:
-        """The version of a study that new participants get."""
+        """Return the version of a study that new participants get."""
         ...
 
     async def prepare_draft(self, database: Database, file: StudyFile) -> tuple[ServedVersion, int]:

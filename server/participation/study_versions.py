@@ -221,11 +221,11 @@ class StudyVersions:
         return []
 
     def of_files(self) -> tuple[StudyFile, ...]:
-        """The studies that are served from files."""
+        """Return the studies that are served from files."""
         return tuple(self._served[name] for name in self._from_files)
 
     def file_of(self, name: str) -> StudyFile | None:
-        """The version of a study that new participants get."""
+        """Return the version of a study that new participants get."""
         return self._served.get(name)
 
     async def prepare_draft(self, database: Database, file: StudyFile) -> tuple[ServedVersion, int]:

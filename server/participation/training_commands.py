@@ -33,7 +33,7 @@ class TrainingCommands:
         return f"{self.kitchen}_agent"
 
     def agent(self, name: str = "", seed: int | None = None) -> str:
-        """The command that trains an agent."""
+        """Return the command that trains an agent."""
         chosen = "" if seed is None else f" --seed {seed}"
         return f"kitchenmind train agent {self._layout}{chosen} --out {self._place(name or self.name)}"
 
@@ -45,16 +45,17 @@ class TrainingCommands:
         return f" (it reads {self.file}: save the kitchen in the dashboard, or write its rows into that file)"
 
     def partners(self) -> list[str]:
-        """The commands that train partners, with whom the agent plays the games from which its predictor learns."""
+        """Return the commands that train partners, with whom the agent plays the games from which its predictor
+        learns."""
         return [self.agent(f"partners/partner_{seed}", seed) for seed in PARTNER_SEEDS]
 
     def collect(self, agent: str = "") -> str:
-        """The command that plays these games."""
+        """Return the command that plays these games."""
         partners = "" if self.file == self.kitchen else f" --partners {self._place('partners')}"
         return f"kitchenmind collect {self._layout} --agent {self._given(agent or self.name)}{partners}"
 
     def predictor(self, agent: str = "", form: str = "stream") -> str:
-        """The command that trains an agent's predictor."""
+        """Return the command that trains an agent's predictor."""
         name = agent or self.name
         short = Path(without_variant(name)).name.removesuffix(".onnx")
         out = self._place(f"{short}_predictor_{form}" if short.isidentifier() else f"{self.kitchen}_predictor")
@@ -69,7 +70,7 @@ class TrainingCommands:
         return shlex.quote(str(self.models / self.kitchen / name))
 
     def _given(self, agent: str) -> str:
-        """How a command names an agent: a trained one by its folder."""
+        """Return how a command names an agent: a trained one by its folder."""
         base = without_variant(agent)
         is_known = base in WITHOUT_WEIGHTS or (WEIGHTS / self.kitchen / base).is_dir()
         if is_known or "/" in base or is_class(base) or base.endswith(".onnx") or "://" in base:

@@ -18,7 +18,7 @@ from server.store.database import DatabaseDown
 log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 0.1
 TELL_EVERY_S: Final = 1.0
-MOST_SEATED: Final = 10_000  # people whose last seat is remembered
+MAX_SEATED: Final = 10_000  # people whose last seat is remembered
 Room = tuple[int, str, str, bool]  # study version, condition, step, simulated or not
 
 
@@ -125,7 +125,7 @@ class WaitingRoom:
     def _remember(self, waiter: _Waiter) -> None:
         self._seated.pop(waiter.participant, None)
         self._seated[waiter.participant] = waiter.request.room
-        if len(self._seated) > MOST_SEATED:
+        if len(self._seated) > MAX_SEATED:
             del self._seated[next(iter(self._seated))]
 
     def _dismiss(self, waiter: _Waiter, code: CloseCode, reason: str) -> None:

@@ -21,12 +21,12 @@ _NOTE: Final = "// Written by `python -m server.play.browser_sources`. Do not ed
 
 
 def files() -> Mapping[Path, str]:
-    """Every written file and its text as the types are now."""
+    """Return every written file and its text as the types are now."""
     return {SCRIPTS / "browser" / "wire.d.ts": types(), SCRIPTS / "browser" / "protocol.js": constants()}
 
 
 def constants() -> str:
-    """The module with the protocol's number and the close codes."""
+    """Return the module with the protocol's number and the close codes."""
     codes = "".join(f"  {code.name}: {code.value},\n" for code in CloseCode)
     return (
         f"{_NOTE}\nexport const PROTOCOL = {messages.PROTOCOL};\n\n"
@@ -36,7 +36,7 @@ def constants() -> str:
 
 
 def types() -> str:
-    """The namespace `Wire`: an interface a message, and the two unions by direction."""
+    """Return the namespace `Wire`: an interface a message, and the two unions by direction."""
     sent, received = get_args(messages.Incoming), get_args(messages.Outgoing)
     blocks = [_interface(kind) for kind in (messages.KitchenState, *received, *sent)]
     unions = (_union("FromServer", received), _union("FromBrowser", sent))
@@ -61,7 +61,7 @@ def _union(name: str, kinds: tuple[Any, ...]) -> str:
 
 
 def type_of(kind: inspect.Type) -> str:
-    """A field's type in TypeScript. Raises TypeError for one that has no counterpart here."""
+    """Return a field's type in TypeScript. Raises TypeError for one that has no counterpart here."""
     match kind:
         case inspect.UnionType(types=parts):
             return " | ".join(type_of(part) for part in parts)

@@ -116,7 +116,7 @@ class Frames:
         )
 
     def tick(self, person: int, applied: int, late: bool) -> messages.Tick:
-        """The frame of the current state for one person. Nobody sees predictions about themselves."""
+        """Return the frame of the current state for one person. Nobody sees predictions about themselves."""
         watched = person == self._spec.watched_seat
         displayed = marks.hidden(self.displayed) if watched else self.displayed
         intention = intentions.hidden(self.intention) if watched else self.intention
@@ -141,7 +141,8 @@ class Frames:
         return not _on_demand(self._spec, person) or bool(self.asked)
 
     def seen_by(self, person: int) -> tuple[messages.KitchenState, bool, tuple[tuple[int, int], ...]]:
-        """The current state as one person knows it, whether the partner is in view, and cells that were never seen."""
+        """Return the current state as one person knows it, whether the partner is in view, and cells that were never
+        seen."""
         kitchen, sight = self._simulation.kitchen(), self._sights.get(person)
         if sight is None:
             return kitchen, True, ()
@@ -149,12 +150,12 @@ class Frames:
 
 
 def viewer(spec: EpisodeSpec) -> int:
-    """The seat of the person who sees the marks, if a person has it."""
+    """Return the seat of the person who sees the marks, if a person has it."""
     return 1 - spec.watched_seat
 
 
 def marks_key(record: EpisodeRecord, seat: int) -> MarksKey | None:
-    """The marks key of the person in this seat; None where the marks need none."""
+    """Return the marks key of the person in this seat; None where the marks need none."""
     spec = record.spec
     if spec.show == "always" or not _on_demand(spec, seat):
         return None

@@ -57,7 +57,8 @@ class Game:
     # Participants
 
     def join(self, person: int, connection: Connection) -> None:
-        """Handle a page's Hello. The newest connection of a person plays; the one before is told and closed."""
+        """Handle a page's Hello. The newest connection of a person plays; the one before gets `superseded` and is
+        closed."""
         before = self.connections.get(person)
         if before is not connection:
             if before is not None:

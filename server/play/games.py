@@ -19,7 +19,7 @@ Load = Callable[[str], Awaitable[EpisodeRecord | None]]
 AfterEnd = Callable[[EpisodeRecord, EpisodeResult], Awaitable[None]]
 KEEP_EVERY_S: Final = 0.25
 FORGET_AFTER_S: Final = 120.0  # after this many seconds a game without participants is unloaded; the database has it
-STOP_WITHIN_S: Final = 5.0
+STOP_TIMEOUT_S: Final = 5.0
 _LOOK_AGAIN_S: Final = 0.002
 
 
@@ -85,7 +85,7 @@ class Games:
         if game is not None and self._owners is not None:
             if not await self._owners.still_mine(episode):
                 self.let_go(game)
-            game = self._games.get(episode)  # meanwhile it may also have been forgotten
+            game = self._games.get(episode)  # it may have been forgotten in the meantime
         if game is None:
             opening = self._opening.get(episode)
             if opening is None:
@@ -100,7 +100,7 @@ class Games:
 
     async def _until_stored(self, game: Game) -> None:
         """Return when the state can be shown: not before it is stored. The start state can be shown at once."""
-        until = time.monotonic() + STOP_WITHIN_S
+        until = time.monotonic() + STOP_TIMEOUT_S
         while game.busy and game.session.phase != "ended" and game.session.simulation.timestep:
             if game.unstored is not None or time.monotonic() > until:
                 raise RecorderDown("the newest timestep is not stored yet")
@@ -207,10 +207,10 @@ class Games:
             game.store(game.session.end_pause(self.clock.now()))  # the process that takes it over begins its own pause
         await self.loop.close()
         try:
-            async with asyncio.timeout(STOP_WITHIN_S):
+            async with asyncio.timeout(STOP_TIMEOUT_S):
                 await asyncio.gather(*(game.retrying_writer.flush() for game in games), *self._tasks)
         except TimeoutError:
-            log.error("the last pauses were not stored within %s s", STOP_WITHIN_S)
+            log.error("the last pauses were not stored within %s s", STOP_TIMEOUT_S)
         for game in games:
             for connection in game.connections.values():
                 connection.close(CloseCode.RESTARTING, "the server is restarting")

@@ -15,7 +15,7 @@ NO_INTENTION_SHOWN: Final = 8  # in the place of a kind
 OPACITY: Final = 95  # %
 _FAINTEST: Final = 25  # %, two digits whatever the confidence
 _RANDOM_FOR: Final = 10  # timesteps: a random intention stays as long as it takes to read it
-_LONGEST: Final = len("1010")  # of the digits of x and y: those of a kitchen's largest column and row
+_MAX_DIGITS: Final = len("1010")  # of the digits of x and y: those of a kitchen's largest column and row
 
 ShownIntention = tuple[int, int, int, int]  # kind 0-7, or 8: nothing is drawn; x, y: -1 for none; opacity %
 
@@ -43,7 +43,7 @@ def display(
 
 def wrong_intention(intentions: Sequence[Intention]) -> Intention | None:
     """Return the most plausible wrong intention: the runner-up, if it is another use of a station. None if the second
-    most likely is no interaction, which would not mislead."""
+    most likely is "no interaction", which would not mislead."""
     first, *others = intentions or (None,)
     for other in others:
         if first is not None and (other.kind, other.x, other.y) != (first.kind, first.x, first.y):
@@ -63,7 +63,7 @@ def is_as_required(is_due: bool, shown: ShownIntention) -> bool:
 
 def padding(shown: ShownIntention) -> str:
     """Return what makes all frames equally long: places have one or two digits."""
-    return "-" * (_LONGEST - len(f"{shown[1]}{shown[2]}"))
+    return "-" * (_MAX_DIGITS - len(f"{shown[1]}{shown[2]}"))
 
 
 def _opacity(spec: EpisodeSpec, intentions: Sequence[Intention]) -> int:

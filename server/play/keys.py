@@ -27,7 +27,7 @@ MAX_SETTLED: Final = 1000  # inputs of one person that wait to be stored; a paus
 
 
 class InputArrival(Struct, frozen=True, gc=False):
-    """Where an Input came from and when, besides the time that the caller of `press` gives."""
+    """The source and the browser's time of an Input; the caller of `press` gives the server's time."""
 
     tab: str = ""
     unix_ms: float = 0.0
@@ -102,7 +102,7 @@ class Keys:
         return True
 
     def take(self, timestep: int = 0) -> tuple[int, Press | None]:
-        """The action of this timestep and what decided it; None where no key did (the person waits)."""
+        """Return the action of this timestep and what decided it; None where no key did (the person waits)."""
         if self._marks:
             marks, self._marks = self._marks, []
             for press in marks:
@@ -145,7 +145,7 @@ class Keys:
             del self._seqs[next(iter(self._seqs))]
 
     def take_settled(self, episode: str, seat: int) -> list[InputRecord]:
-        """The Inputs whose outcome has become known since the last call, in the order of arrival."""
+        """Return the Inputs whose outcome has become known since the last call, in the order of arrival."""
         if not self._settled:
             return []
         settled, self._settled = self._settled, []

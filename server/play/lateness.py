@@ -25,7 +25,7 @@ class Lateness:
         self._ticks.extend([(now, late) for late in late_ms])
 
     def last(self, within_s: float = LATELY_S, most: int = _KEPT) -> list[float]:
-        """The lateness in ms of at most so many ticks, sorted; empty where none was made in this time."""
+        """Return the lateness in ms of at most so many ticks, sorted; empty where none was made in this time."""
         since = time.monotonic() - within_s
         found: list[float] = []
         for at, late_ms in reversed(self._ticks):

@@ -40,8 +40,8 @@ class Loop:
         over: Callable[[Game, str], None],
         lost: Callable[[Game], None],
     ) -> None:
-        """`over(game, error)`: the episode was played to its end (error empty) or cannot go on. `lost(game)`: another
-        process plays it now."""
+        """`over(game, error)`: the episode was played to its end (error empty) or cannot continue. `lost(game)`:
+        another process plays it now."""
         self.clock = clock
         self.lateness = Lateness()
         self.made = self.waits = 0  # ticks since the start; those whose partner had to wait
@@ -255,7 +255,7 @@ class Loop:
             game.tell_paused()
 
     def _broken(self, game: Game, error: Exception) -> None:
-        log.error("episode %s cannot go on", game.episode, exc_info=error)
+        log.error("episode %s cannot continue", game.episode, exc_info=error)
         self.stop(game)
         self._over(game, f"{type(error).__name__}: {error}")
 

@@ -27,7 +27,7 @@ class MarksKey:
         return True
 
     def take(self) -> bool:
-        """Whether the person asks for the marks on the state that is made now."""
+        """Return whether the person asks for the marks on the state that is made now."""
         was_pressed, self._was_pressed = self._was_pressed, False
         return self._is_on if self._is_toggle else self._is_down or was_pressed
 

@@ -1,4 +1,4 @@
-"""Every message between browser and server, typed, by direction. JSON text frames; `type` tells them apart.
+"""Every message between browser and server, typed, by direction. JSON text frames; `type` distinguishes them.
 
 docs/reference/protocol.md describes when each is sent, and a test compares. Unknown types, unknown fields and wrong
 types are refused with `Refused` (the game continues); a frame over MAX_FRAME_BYTES closes the socket with 1009.
@@ -40,7 +40,8 @@ class FromBrowser(Struct, tag_field="type", tag=str.lower, forbid_unknown_fields
 
 
 class Hello(FromBrowser, frozen=True):
-    """First message on a socket. `tab` is drawn once per tab: a participant's newest tab plays, others are told so."""
+    """First message on a socket. `tab` is drawn once per tab: a participant's newest tab plays, others get
+    `superseded`."""
 
     protocol: int
     tab: Annotated[str, Meta(min_length=8, max_length=64, pattern=r"\A[A-Za-z0-9_-]+\Z")]
@@ -138,7 +139,7 @@ class Tick(ToBrowser, frozen=True):
     """One timestep has been played and stored. `prediction`: for each step [action 0-6, opacity in %], about the
     timesteps t, t+1, t+2 of `state`; all conditions carry the same bytes. `applied`: the seq of the newest Input that
     had arrived when the timestep was played (-1: none). With limited sight, `state` is what the participant knows:
-    `partner_seen` tells whether the partner is in view, `unknown` which counters and pots never were. `asked`: whether
+    `partner_seen`: whether the partner is in view, `unknown` which counters and pots never were. `asked`: whether
     the participant asks for the marks on this state; always true where marks need no asking. It is how a page that
     connects again, or a second one, knows whether a toggle is on. `intention`: what the watched chef will do next at
     which station: [kind 0-8, x, y, opacity in %]; kinds: 0 none soon, 1 take an onion, 2 take a dish, 3 take a soup, 4
@@ -180,7 +181,7 @@ class Lesson(ToBrowser, frozen=True):
 
 
 class Ended(ToBrowser, frozen=True):
-    """The episode is over and stored; go on at `next`."""
+    """The episode is over and stored; continue at `next`."""
 
     score: int
     soups: Count
@@ -224,7 +225,7 @@ class BadMessage(ValueError):
 
 
 def decode(frame: str | bytes) -> Incoming:
-    """The message in a text frame. Raises BadMessage."""
+    """Return the message in a text frame. Raises BadMessage."""
     try:
         message: Incoming = _decoder.decode(frame)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:  # the last: too deeply nested
@@ -233,5 +234,5 @@ def decode(frame: str | bytes) -> Incoming:
 
 
 def encode(message: Outgoing) -> bytes:
-    """The UTF-8 text frame of a message."""
+    """Return the UTF-8 text frame of a message."""
     return _encoder.encode(message)

@@ -37,7 +37,7 @@ def wrong_future(
 
 
 def _after(simulation: Simulation, moment: Moment, seat: int, action: int) -> Moment | None:
-    """The kitchen after the chef's action; None if it has no effect."""
+    """Return the kitchen after the chef's action; None if it has no effect."""
     if action == STAY:
         return moment
     actions = (action, STAY) if seat == 0 else (STAY, action)

@@ -9,7 +9,7 @@ DATABASE = "database"
 RESEARCHER = "researcher"
 NOT_STARTED = "not_started"  # the participant has not pressed start yet: no pause, no limit
 
-SHORTEST_S = 0.5  # the least that an absence counts for, which limits the number of pauses of a game
+MIN_ABSENCE_S = 0.5  # the least that an absence counts for, which limits the number of pauses of a game
 
 Holder = int | str  # a person's seat, DATABASE or RESEARCHER
 
@@ -42,10 +42,10 @@ class PauseReasons:
 
     def release(self, holder: Holder, now: float) -> None:
         held = self._held.pop(holder, None)
-        if held is not None and holder == DATABASE:  # nobody could come back without it: their time begins now
+        if held is not None and holder == DATABASE:  # nobody could return without it: restart their time
             self._held = {one: replace(hold, since=now) for one, hold in self._held.items()}
         if held is not None and held.reason in AWAY_REASONS:
-            self._away_s += max(SHORTEST_S, now - held.since)
+            self._away_s += max(MIN_ABSENCE_S, now - held.since)
 
     def extend(self, seconds: float) -> None:
         """From now on absences in this game may last so much longer, each and all together."""
@@ -63,7 +63,7 @@ class PauseReasons:
         return "partner"
 
     def left_s(self, now: float) -> float | None:
-        """How long the absence that ends first may last; None: nobody's absence counts."""
+        """Return how long the absence that ends first may last; None: nobody's absence counts."""
         away = [now - held.since for held in self._held.values() if held.reason in AWAY_REASONS]
         if not away:
             return None

@@ -52,7 +52,7 @@ def protocol_schema() -> dict[str, Any]:
 
 
 def _union(kinds: tuple[Any, ...]) -> dict[str, Any]:
-    """Return "one of these messages", which `type` tells apart."""
+    """Return "one of these messages", distinguished by `type`."""
     references = {kind.__struct_config__.tag: _REFERENCE.format(name=kind.__name__) for kind in kinds}
     return {
         "anyOf": [{"$ref": reference} for reference in references.values()],

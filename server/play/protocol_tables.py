@@ -23,13 +23,13 @@ _COMPARISONS: Final = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
 
 
 def structs() -> Mapping[str, Any]:
-    """Every described type by the name that the page gives it."""
+    """Return every described type by the name that the page gives it."""
     kinds = [*get_args(messages.Incoming), *get_args(messages.Outgoing)]
     return {kind.__struct_config__.tag: kind for kind in kinds} | {"state": messages.KitchenState}
 
 
 def render(page: str) -> str:
-    """The page with every table as the types are now. Raises KeyError for a name that is no message."""
+    """Return the page with every table as the types are now. Raises KeyError for an unknown message."""
     known = structs()
     return _MARKED.sub(lambda found: f"{found[1]}{table(known[found[2]])}{found[3]}", page)
 
@@ -39,7 +39,7 @@ def table(struct: Any) -> str:
     described = inspect.type_info(struct)
     fields = described.fields if isinstance(described, inspect.StructType) else ()
     if not fields:
-        return "No fields besides `type`.\n"
+        return "No fields except `type`.\n"
     if issubclass(struct, messages.FromBrowser):
         return _SENT_HEAD + "".join(f"{_row(field)} {_if_left_out(field)} |\n" for field in fields)
     return _RECEIVED_HEAD + "".join(f"{_row(field)}\n" for field in fields)  # the server leaves nothing out
@@ -55,7 +55,7 @@ def _if_left_out(field: inspect.Field) -> str:
 
 
 def describe(kind: inspect.Type) -> tuple[str, str]:
-    """A type in words, and the values that it allows."""
+    """Return a type in words, and the values that it allows."""
     match kind:
         case inspect.UnionType(types=types):
             parts = [describe(one) for one in types]

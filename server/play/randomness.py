@@ -23,7 +23,7 @@ def _splitmix64(state: int) -> int:
 
 
 def uniform(seed: int, timestep: int, purpose: int) -> float:
-    """A number in [0, 1), independent for every (seed, timestep, purpose), the same on every machine."""
+    """Return a number in [0, 1), independent for every (seed, timestep, purpose), the same on every machine."""
     mixed = _splitmix64(_splitmix64(_of_seed(seed) ^ timestep) ^ purpose)
     return (mixed >> 11) * 2.0**-53
 

@@ -87,7 +87,7 @@ class TickRecord(Struct, frozen=True, gc=False):
     models_ms: float  # time the models took
     late: bool  # the models missed the deadline: the agent waits at timestep n
     made_unix_ms: float | None = None  # wall clock when state n was made, milliseconds since 1970; None: not known
-    inputs: tuple[InputRecord, ...] = ()  # whose outcome has become known since the tick before; a table of their own
+    inputs: tuple[InputRecord, ...] = ()  # whose outcome has become known since the tick before; a separate table
     asked: bool | None = None  # whether the participant asked for the marks on state n; None: they are always drawn
     misleading: bool | None = None  # whether the marks of state n are a wrong future; None: a truthful round
     in_sight: bool | None = None  # whether the watched chef was in their view in state n; None: they see everything
@@ -97,15 +97,15 @@ class TickRecord(Struct, frozen=True, gc=False):
 
 @dataclass(frozen=True)
 class PauseRecord:
-    """One interruption of one game: told when it begins (`duration_ms` None) and again when it is over. The two have
-    the same `episode` and `started_at`: the second replaces the first."""
+    """One interruption of one game: recorded when it begins (`duration_ms` None) and again when it is over. The two
+    have the same `episode` and `started_at`: the second replaces the first."""
 
     episode: str
     timestep: int
     reason: str  # one of PAUSE_REASONS
     started_at: datetime  # UTC
     duration_ms: float | None  # until all were ready again; the 3-2-1 that follows is not counted. None: still lasting
-    inputs: tuple[InputRecord, ...] = ()  # that no tick has told of
+    inputs: tuple[InputRecord, ...] = ()  # that no tick has recorded
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class EpisodeResult:
     progress: float
     passed: bool
     final_hash: str
-    inputs: tuple[InputRecord, ...] = ()  # that no tick has told of
+    inputs: tuple[InputRecord, ...] = ()  # that no tick has recorded
 
 
 class Recorder(Protocol):
@@ -163,7 +163,7 @@ class Recorder(Protocol):
     async def pause(self, record: PauseRecord) -> None: ...
 
     async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:
-        """Inputs that arrived while the game stood still, so that no tick tells of them soon."""
+        """Inputs that arrived while the game stood still, so that no tick records them soon."""
         ...
 
     async def end(self, result: EpisodeResult) -> None: ...

@@ -12,7 +12,7 @@ from server.play.messages import Outgoing, Ping, Tick, encode
 PING_EVERY_S: Final = 1.0
 SLOW_AFTER_S: Final = 0.5  # an unanswered Ping this old: the reader is behind, only the newest state is sent
 DEAD_AFTER_S: Final = 4.5  # an unanswered Ping this old: the connection is lost
-_MOST_WAITING: Final = 16  # messages other than states
+_MAX_WAITING: Final = 16  # messages other than states
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class SendQueue:
             waiting = len(self._line)
             self._line = deque(entry for entry in self._line if not entry[0])
             self.dropped += waiting - len(self._line)
-        elif len(self._line) >= _MOST_WAITING:
+        elif len(self._line) >= _MAX_WAITING:
             self.close(CloseCode.REFUSED, "too far behind")
             return
         self._line.append((is_state, frame))

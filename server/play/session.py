@@ -93,13 +93,14 @@ class Session:
     # People
 
     def key(self, seat: int, keys: messages.Input, now: float, tab: str = "", unix_ms: float = 0.0) -> bool:
-        """A person's keys. False: a message seen before, nothing changed. Until the game moves, taps do not count."""
+        """Return a person's keys. False: a message seen before, nothing changed. Until the game moves, taps do not
+        count."""
         go = self._zero + self.simulation.timestep * self.tick_s
         game_ms = round((now - self._zero) * 1000, 3) if self.moving else None
         return self.keys[seat].press(keys, now, self.moving and now >= go, InputArrival(tab, unix_ms, game_ms))
 
     def settled_inputs(self) -> tuple[InputRecord, ...]:
-        """The inputs whose outcome has become known since the last call, to be stored."""
+        """Return the inputs whose outcome has become known since the last call, to be stored."""
         settled: list[InputRecord] = []
         for seat, keys in self.keys.items():
             settled += keys.take_settled(self.episode, seat)
@@ -135,13 +136,14 @@ class Session:
                 self.pause_reasons.hold(other, "lost", now)
 
     def count_down(self, now: float, go: float) -> PauseRecord | None:
-        """The game moves at `go`; returns the PauseRecord of the pause that is over, to be stored."""
+        """Let the game move at `go`; return the PauseRecord of the pause that is over, to be stored."""
         self.phase = "countdown"
         self.start_at(go)
         return self.end_pause(now)
 
     def end_pause(self, now: float) -> PauseRecord | None:
-        """The pause that lasts, as over now, to be stored: the game moves again, or this server stops playing it."""
+        """Return the current pause, as over now, to be stored: the game moves again, or this server stops playing
+        it."""
         record, self.pause_record = self.pause_record, None
         if record is None:
             return None
@@ -165,14 +167,14 @@ class Session:
         return self.follow(self.simulation.step(self.decide(now)))
 
     def decide(self, now: float) -> tuple[int, int]:
-        """The joint action of the timestep that is due: the newest keys, the partner's decided action."""
+        """Return the joint action of the timestep that is due: the newest keys, the partner's decided action."""
         self._late_ms = max(0.0, (now - self.next_deadline) * 1000)
         self.phase, self.stored = "running", False
         return self._joint_action()
 
     def follow(self, step: SimulatedStep) -> list[Question]:
-        """The simulation has made this step. Returns what the models are asked about the new state; nothing when the
-        episode is over with it."""
+        """Record that the simulation has made this step. Return what the models are asked about the new state; nothing
+        when the episode is over with it."""
         self._step = step
         self.next_deadline = self._zero + (self.simulation.timestep + 1) * self.tick_s
         self.frames.watch()
@@ -200,8 +202,8 @@ class Session:
         grace_ms: float = 0.0,
         unix_ms: float | None = None,
     ) -> TickRecord:
-        """What there is to store about the state that `begin_tick` or `begin_start` made. `grace_ms`: how much longer
-        than in a study the models may take, where no person waits. `unix_ms`: the wall clock."""
+        """Return what there is to store about the state that `begin_tick` or `begin_start` made. `grace_ms`: how much
+        longer than in a study the models may take, where no person waits. `unix_ms`: the wall clock."""
         models_late = models_ms > self.spec.deadline_ms + grace_ms
         if models_late:
             decisions = [None] * len(self._asked)
@@ -238,7 +240,7 @@ class Session:
     # Messages to participants
 
     def tick_message(self, person: int) -> messages.Tick:
-        """The frame of the current state. Only for a state that is stored."""
+        """Return the frame of the current state. Only for a state that is stored."""
         return self.frames.tick(person, self._applied[person], self.late)
 
     def welcome(self, person: int) -> messages.Welcome:
@@ -250,7 +252,7 @@ class Session:
         return messages.Paused(reason, 0.0 if left_s is None else round(max(0.1, left_s), 1))
 
     def lesson(self) -> messages.Lesson | None:
-        """Which lesson is being taught; None outside a tutorial."""
+        """Return which lesson is being taught; None outside a tutorial."""
         if self.tutor is None:
             return None
         lessons = self.tutor.lessons
@@ -260,7 +262,7 @@ class Session:
     # The end
 
     def result(self, status: Literal["done", "aborted"] = "done", reason: str = "") -> EpisodeResult:
-        """How the episode ends now. `passed`: played to its end; a tutorial only with a delivery."""
+        """Return how the episode ends now. `passed`: played to its end; a tutorial only with a delivery."""
         self.phase = "ended"
         for keys in self.keys.values():
             keys.clear(ENDED)

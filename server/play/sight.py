@@ -38,7 +38,7 @@ class Sight:
                 self._seen[cell] = inside.get(cell)
 
     def sees(self, x: int, y: int) -> bool:
-        """Whether the cell is in view."""
+        """Return whether the cell is in view."""
         return max(abs(x - self._own[0]), abs(y - self._own[1])) <= self._radius
 
     def sees_partner(self, kitchen: KitchenState) -> bool:
@@ -51,8 +51,8 @@ class Sight:
         return tuple(cell for cell in (*self._pots, *self._counters) if cell not in self._seen)
 
     def masked(self, kitchen: KitchenState) -> KitchenState:
-        """The state as the person knows it. A chef out of view gets the position of the person's own chef, as there
-        must be one."""
+        """Return the state as the person knows it. A chef out of view gets the position of the person's own chef, as
+        there must be one."""
         players = list(kitchen.players)
         if not self.sees_partner(kitchen):
             players[1 - self._seat] = (*self._own, NORTH, NOTHING)
@@ -65,8 +65,8 @@ class Sight:
         return tuple(content for content in found if content is not None)
 
     def cut(self, displayed: Displayed, kitchen: KitchenState) -> Displayed:
-        """The partner's marks up to the first step that leaves the view. Moves are followed as the page draws them: the
-        own chef blocks the way where it stands now."""
+        """Return the partner's marks up to the first step that leaves the view. Moves are followed as the page draws
+        them: the own chef blocks the way where it stands now."""
         x, y, *_ = kitchen.players[1 - self._seat]
         path = walked(self._layout, (x, y), self._own, (action for action, _ in displayed))
         inside = list(accumulate((self.sees(*cell) for cell in [(x, y), *path]), and_))

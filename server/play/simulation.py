@@ -39,7 +39,7 @@ class Moment:
     contents: NDArray[np.int8]  # (1, width, height)
 
     def same_place(self, other: "Moment") -> bool:
-        """Whether both chefs stand, look and hold as in the other one, and have used nothing."""
+        """Return whether both chefs stand, look and hold as in the other one, and have used nothing."""
         return bool((self.players == other.players).all())
 
 
@@ -117,7 +117,7 @@ class Simulation:
         return [self._cells[place] for _, _, place in self._pots]
 
     def moved(self, seat: int) -> bool:
-        """Whether the chef stands in another cell than a timestep ago."""
+        """Return whether the chef stands in another cell than a timestep ago."""
         row = _ROWS[seat]
         return bool(self._chefs[row][:FACING] != self._chefs_before[row][:FACING])
 
@@ -126,7 +126,7 @@ class Simulation:
         return partial(self._last, seat, self.timestep + 1, (self._chefs, self._cells, self._done))
 
     def _last(self, seat: int, reached: int, newest: tuple[bytes, bytes, bytes], count: int) -> History:
-        """The last states of the first `reached` ones, of which `newest` is the last."""
+        """Return the last states of the first `reached` ones, of which `newest` is the last."""
         chefs, cells, done = newest
         if count > 1:
             size, to_cells, to_done = len(b"".join(newest)), len(chefs), len(chefs + cells)
@@ -137,7 +137,7 @@ class Simulation:
         return History(chefs, cells, _own_first(done, seat))
 
     def kitchen(self) -> KitchenState:
-        """The current state as the browser draws it."""
+        """Return the current state as the browser draws it."""
         cells = self._cells
         pots = []
         for x, y, place in self._pots:
@@ -169,7 +169,7 @@ def step_together(simulations: Sequence[Simulation], actions: Sequence[tuple[int
 def _play(
     layout: Layout, players: NDArray[np.int8], contents: NDArray[np.int8], actions: Sequence[tuple[int, int]]
 ) -> list[list[int]]:
-    """The rules, in place; returns the bits of every game's events."""
+    """Apply the rules in place; return the bits of every game's events."""
     timesteps, events = np.zeros(len(actions), np.int32), np.zeros((len(actions), PLAYERS), np.int32)
     done = np.array(actions, np.int8)
     rules.step(layout.tiles, layout.pots, layout.counters, players, contents, timesteps, done, events)

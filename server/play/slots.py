@@ -12,7 +12,7 @@ SLOT_MS: Final = 40  # five batches in a tick of 200 ms: each costs the same 4 m
 PATIENT_SLOTS: Final = 3  # a patient clock has no fixed moments, and large batches are more efficient
 GAP_S: Final = 0.012  # work that can wait begins only with so much time until the next batch
 BATCH_S: Final = 0.006  # a batch of a quiet server is made and stored by then
-MOST_WAITS: Final = 3
+MAX_WAITS: Final = 3
 
 
 class Slot:
@@ -26,12 +26,12 @@ class Slot:
         self.asleep = False  # the driver waits for a deadline and may be stopped without harm
 
     def first_after(self, moment: float) -> float:
-        """The slot's first moment at or after `moment`."""
+        """Return the slot's first moment at or after `moment`."""
         return math.ceil((moment - self.offset_s) / self.tick_s) * self.tick_s + self.offset_s
 
 
 def slots_of(tick_ms: int, patient: bool) -> list[Slot]:
-    """The slots of games with this tick. `patient`: their clock waits for its players."""
+    """Return the slots of games with this tick. `patient`: their clock waits for its players."""
     count = PATIENT_SLOTS if patient else max(1, tick_ms // SLOT_MS)
     return [Slot(tick_ms, index) for index in range(count)]
 
@@ -45,8 +45,8 @@ def until_next_s(slots: Iterable[Slot], clock: Clock) -> float:
 
 
 async def between_batches(slots: Sequence[Slot], clock: Clock) -> None:
-    """Return when no batch is due for GAP_S; a server too busy for such moments returns after MOST_WAITS batches."""
-    for _ in range(MOST_WAITS):
+    """Return when no batch is due for GAP_S; a server too busy for such moments returns after MAX_WAITS batches."""
+    for _ in range(MAX_WAITS):
         left_s = until_next_s(slots, clock)
         if left_s >= GAP_S:
             return

@@ -69,18 +69,18 @@ def hits_of(connection: Connection, episode_id: str, watched_seat: int) -> list[
     done = np.array([-1 if row[1] is None else row[1] for row in rows], np.int64)  # (ticks,)
     at = np.array([n for n, row in enumerate(rows) if row[0] is not None], np.int64)
     flat = np.frombuffer(b"".join(rows[n][0] for n in at), "<f4").reshape(len(at), _STEPS, _ACTIONS)
-    said = flat.argmax(axis=2)  # (predictions, steps)
+    predicted = flat.argmax(axis=2)  # (predictions, steps)
     found = []
     for step in range(_STEPS):
         known = at + step + 1 < len(rows)
-        right = said[known, step] == done[at[known] + step + 1]
+        right = predicted[known, step] == done[at[known] + step + 1]
         found.append((int(known.sum()), int(right.sum())))
     return found
 
 
 # Written here because the server is installed without SciPy (docs/decisions/0020); a test compares the results.
 def wilson(right: int, asked: int) -> tuple[float, float, float]:
-    """A share with its Wilson 95 % interval (Wilson 1927): (share, low, high). Of nothing: (0, 0, 1)."""
+    """Return a share with its Wilson 95 % interval (Wilson 1927): (share, low, high). Of nothing: (0, 0, 1)."""
     if not asked:
         return 0.0, 0.0, 1.0
     share = right / asked

@@ -9,7 +9,7 @@ from server.store import attempts
 from server.store.tables import ROLES, admin_sessions, admins
 
 IDLE = timedelta(hours=2)
-LONGEST = timedelta(hours=12)  # a session ends then, even if it is in use
+MAX_SESSION = timedelta(hours=12)  # a session ends then, even if it is in use
 _SEEN_EVERY = timedelta(minutes=1)
 
 
@@ -24,7 +24,7 @@ class Admin:
 
 @dataclass(frozen=True)
 class AdminSession:
-    """Who is signed in with a token, and whether conditions are hidden from them."""
+    """The researcher of a session token, and whether conditions are hidden from them."""
 
     token_hash: str
     name: str
@@ -32,7 +32,7 @@ class AdminSession:
     blind: bool
 
     def may(self, role: str) -> bool:
-        """Whether the account has the rights of `role`."""
+        """Return whether the account has the rights of `role`."""
         return ROLES.index(self.role) >= ROLES.index(role)
 
 
@@ -54,13 +54,13 @@ def create(connection: Connection, name: str, password_hash: str, role: str) -> 
 
 
 def every(connection: Connection) -> list[Admin]:
-    """All accounts, by name."""
+    """Return all accounts, by name."""
     query = select(admins.c.name, admins.c.role, admins.c.created_at).order_by(admins.c.name)
     return [Admin(*row) for row in connection.execute(query)]
 
 
 def password_hash_of(connection: Connection, name: str) -> str | None:
-    """What to check a password against; None: no such account."""
+    """Return what to check a password against; None: no such account."""
     return connection.execute(select(admins.c.password_hash).where(admins.c.name == name)).scalar_one_or_none()
 
 
@@ -84,7 +84,7 @@ def remove(connection: Connection, name: str) -> bool:
 
 def open_session(connection: Connection, name: str, token_hash: str, now: datetime) -> None:
     """Start a session with this token, in blind mode. Expired sessions are deleted."""
-    old = (admin_sessions.c.created_at < now - LONGEST) | (admin_sessions.c.seen_at < now - IDLE)
+    old = (admin_sessions.c.created_at < now - MAX_SESSION) | (admin_sessions.c.seen_at < now - IDLE)
     connection.execute(delete(admin_sessions).where(old))
     row = {"token_hash": token_hash, "admin": name, "blind": True, "created_at": now, "seen_at": now}
     connection.execute(admin_sessions.insert().values(row))
@@ -94,7 +94,7 @@ def session(connection: Connection, token_hash: str, now: datetime) -> tuple[Adm
     """Return the session of this token, and whether `touch` is due; None if it has ended."""
     query = select(admin_sessions, admins.c.role).join_from(admin_sessions, admins)
     row = connection.execute(query.where(admin_sessions.c.token_hash == token_hash)).first()
-    if row is None or now - row.created_at > LONGEST or now - row.seen_at > IDLE:
+    if row is None or now - row.created_at > MAX_SESSION or now - row.seen_at > IDLE:
         return None
     return AdminSession(token_hash, row.admin, row.role, row.blind), now - row.seen_at > _SEEN_EVERY
 

@@ -45,7 +45,7 @@ def save(connection: Connection, page: SubmittedPage) -> int:
 
 
 def _insert_of(connection: Connection) -> Any:
-    """The database's own INSERT, imported when it is needed: who serves from one does not wait for the other."""
+    """Return the database's own INSERT, imported when needed: a server with one database does not import the other."""
     if connection.dialect.name == "postgresql":
         from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 
@@ -56,7 +56,7 @@ def _insert_of(connection: Connection) -> Any:
 
 
 def of_participant(connection: Connection, participant_id: str) -> dict[str, dict[str, Any]]:
-    """All answers: step key -> question key -> value, in the order of submission."""
+    """Return all answers: step key -> question key -> value, in the order of submission."""
     query = select(answers.c.step_key, answers.c.question_key, answers.c.value)
     query = query.where(answers.c.participant_id == participant_id).order_by(answers.c.id)
     found: dict[str, dict[str, Any]] = {}
@@ -88,7 +88,7 @@ def enter(connection: Connection, participant_id: str, step_key: str) -> None:
 
 
 def leave(connection: Connection, participant_id: str, step_key: str) -> float | None:
-    """The page was submitted: closes its newest visit and returns how long it lasted, in ms (None: no visit)."""
+    """Close the newest visit of a submitted page; return how long it lasted, in ms (None: no visit)."""
     now = datetime.now(UTC)
     here = (visits.c.participant_id == participant_id, visits.c.step_key == step_key, visits.c.left_at.is_(None))
     last = connection.execute(

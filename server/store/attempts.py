@@ -1,5 +1,5 @@
 """Limits on guessing passwords and completion codes. A try is counted before it is checked, so that the limit holds for
-simultaneous requests in any number of server processes. A correct try is taken back.
+simultaneous requests in any number of server processes. A correct try is given back.
 """
 
 from dataclasses import dataclass

@@ -55,7 +55,7 @@ def _end(connection: Connection) -> tuple[int, str]:
 
 
 def entries(connection: Connection) -> list[Entry]:
-    """The whole log, oldest first."""
+    """Return the whole log, oldest first."""
     return [
         Entry(row.id, row.at, row.actor, row.action, None if row.detail is None else json.loads(row.detail))
         for row in connection.execute(select(audit).order_by(audit.c.id))
@@ -67,8 +67,8 @@ def first_forged(connection: Connection) -> int | None:
     previous, expected = "", 0
     for expected, row in enumerate(connection.execute(select(audit).order_by(audit.c.id)), start=1):
         wanted = _sha256(previous, row.id, row.at.isoformat(), row.actor, row.action, row.detail_hash)
-        told = row.detail is None or _sha256(row.salt, row.detail) == row.detail_hash
-        if row.id != expected or row.hash != wanted or not told:
+        is_detail_intact = row.detail is None or _sha256(row.salt, row.detail) == row.detail_hash
+        if row.id != expected or row.hash != wanted or not is_detail_intact:
             return expected
         previous = row.hash
     head = connection.execute(select(audit_head.c.entries, audit_head.c.hash)).first()

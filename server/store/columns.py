@@ -29,16 +29,16 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 
 def column(name: str, type_: Any, *rest: Any, meaning: str, unit: str = "", **options: Any) -> Column[Any]:
-    """A column that is never empty unless `nullable=True` says so."""
+    """Return a column that is never empty unless `nullable=True` says so."""
     options.setdefault("nullable", False)
     return Column(name, type_, *rest, doc=meaning, info={"unit": unit}, **options)
 
 
 def number(meaning: str) -> Column[Any]:
-    """An `id` that the database counts up."""
+    """Return an `id` that the database counts up."""
     return column("id", Integer, primary_key=True, autoincrement=True, meaning=meaning)
 
 
 def time(name: str, meaning: str, **options: Any) -> Column[Any]:
-    """An instant."""
+    """Return an instant."""
     return column(name, UtcDateTime(), meaning=meaning, unit="UTC", **options)

@@ -18,7 +18,7 @@ _p, _e, _a, _s = participants.c, episodes.c, answers.c, studies.c
 
 @dataclass(frozen=True)
 class ViewColumn:
-    """One column. `blinds`: it tells the condition, so it is not there in blind mode."""
+    """One column. `blinds`: it reveals the condition, so blind mode hides it."""
 
     name: str
     title: str
@@ -39,7 +39,7 @@ class DataTable:
 @dataclass(frozen=True)
 class DataQuery:
     """What is shown. `sort`: a column's name, with - before it for the other way round; `column`: where `contains` is
-    looked for, empty: in all. `hidden_questions`: questions whose being asked tells the condition."""
+    looked for, empty: in all. `hidden_questions`: questions that reveal the condition by being asked."""
 
     table: str
     study_ids: tuple[int, ...]
@@ -148,7 +148,7 @@ TABLES: Final = {
 
 
 def columns_of(wanted: DataQuery) -> tuple[ViewColumn, ...]:
-    """The columns of a table that may be seen. Raises KeyError for a table that is none."""
+    """Return the columns of a table that may be seen. Raises KeyError for an unknown table."""
     return tuple(one for one in TABLES[wanted.table].columns if not (wanted.blind and one.blinds))
 
 
@@ -173,14 +173,14 @@ def _filters(wanted: DataQuery, columns: Sequence[ViewColumn]) -> list[ColumnEle
 
 
 def _contains(value: ColumnElement[Any], words: str) -> ColumnElement[bool]:
-    """Whether a value's text has these words in it, in capitals or not."""
+    """Return whether a value's text has these words in it, in capitals or not."""
     if isinstance(value.type, JSON):
         words = json.dumps(words)[1:-1]  # as JSON is stored: other than ASCII letters are escaped
     return func.lower(cast(value, String)).contains(words.lower(), autoescape=True)
 
 
 def _order(wanted: DataQuery, columns: Sequence[ViewColumn], table: DataTable) -> list[ColumnElement[Any]]:
-    """The wanted order, then the table's own, so that no row is on two pages."""
+    """Return the wanted order, then the table's own, so that no row is on two pages."""
     found = next((one for one in columns if one.name == wanted.sort.removeprefix("-")), None)
     if found is None:
         return list(table.order)

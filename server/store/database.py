@@ -26,7 +26,7 @@ __all__ = ["Database", "DatabaseDown", "DatabaseInUse"]
 P = ParamSpec("P")
 T = TypeVar("T")
 _Outcome = tuple[Any, Exception | None]
-LARGEST_GROUP = 256
+MAX_GROUP = 256
 
 
 @dataclass
@@ -60,7 +60,7 @@ class Database:
             self._thread.start()
 
     async def write(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """What `function(connection, *args)` returns, once its transaction is durable.
+        """Return what `function(connection, *args)` returns, once its transaction is durable.
 
         Its own exceptions come through and undo only its own work. It may be run twice (when another function of its
         group failed), so it should do nothing but read and write the database. Cancelled while it waits, it is never
@@ -74,7 +74,7 @@ class Database:
         return result
 
     async def read(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """What `function(connection, *args)` reads, from one consistent view. Raises DatabaseDown."""
+        """Return what `function(connection, *args)` reads, from one consistent view. Raises DatabaseDown."""
         return await asyncio.get_running_loop().run_in_executor(
             self._readers, lambda: self.read_now(function, *args, **kwargs)
         )
@@ -122,7 +122,7 @@ class Database:
         while (job := self._jobs.get()) is not None:
             group = [job]
             stop = False
-            while len(group) < LARGEST_GROUP and not stop:
+            while len(group) < MAX_GROUP and not stop:
                 try:
                     waiting = self._jobs.get_nowait()
                 except queue.Empty:
@@ -155,7 +155,8 @@ class Database:
                 job.future.set_exception(refusal)
 
     def _run(self, group: list[_Job], apart: bool) -> list[_Outcome]:
-        """The group's outcomes, committed. `apart`: each function in a savepoint, as one of them is known to fail."""
+        """Return the group's outcomes, committed. `apart`: each function in a savepoint, as one of them is known to
+        fail."""
         with self._writer.transaction() as connection:
             if apart:
                 return [_apart(connection, job) for job in group]

@@ -10,7 +10,7 @@ _IN_PASSWORDS = "In a password, write / as %2F, @ as %40 and : as %3A."
 
 
 def normal_url(url: str) -> URL:
-    """The address with its driver. Raises ValueError for one that is neither SQLite in a file nor PostgreSQL."""
+    """Return the address with its driver. Raises ValueError for one that is neither SQLite in a file nor PostgreSQL."""
     try:
         parsed = make_url(url)
     except (ArgumentError, ValueError):  # their texts, and the address itself, may hold a password
@@ -26,7 +26,7 @@ def normal_url(url: str) -> URL:
 
 
 def _sqlite_url(parsed: URL, written: str) -> URL:
-    """The address of a SQLite file, without anything that SQLAlchemy would drop or SQLite would not open."""
+    """Return the address of a SQLite file, without anything that SQLAlchemy would drop or SQLite would not open."""
     if parsed.host is not None or parsed.username is not None:
         meant = f"sqlite:///{written.partition('://')[2]}"
         raise ValueError(f"{written} has two slashes. Write {meant} (three), or four before an absolute path.")

@@ -1,4 +1,4 @@
-"""What researchers decide about data and studies: exclusions, which can be taken back, and pauses of whole studies."""
+"""Decisions of researchers about data and studies: exclusions, which can be undone, and pauses of whole studies."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -54,13 +54,13 @@ def restore(connection: Connection, number: int, by: str) -> bool:
 
 
 def exclusions_of(connection: Connection, participants: list[str]) -> list[Exclusion]:
-    """The exclusions of these participants that hold, oldest first."""
+    """Return the exclusions of these participants that hold, oldest first."""
     query = select(exclusions).where(exclusions.c.participant_id.in_(participants), exclusions.c.restored_at.is_(None))
     return [Exclusion(**row._mapping) for row in connection.execute(query.order_by(exclusions.c.id))]
 
 
 def pause_study(connection: Connection, study: str, by: str) -> bool:
-    """The study stands still from now on. False if it did already."""
+    """Pause the study. Return false if it was paused already."""
     if study in paused_studies(connection):
         return False
     connection.execute(study_pauses.insert().values(study=study, paused_by=by, paused_at=datetime.now(UTC)))
@@ -68,12 +68,12 @@ def pause_study(connection: Connection, study: str, by: str) -> bool:
 
 
 def resume_study(connection: Connection, study: str, by: str) -> bool:
-    """The study continues. False if it was not paused."""
+    """Resume the study. Return false if it was not paused."""
     query = update(study_pauses).where(study_pauses.c.study == study, study_pauses.c.resumed_at.is_(None))
     return connection.execute(query.values(resumed_by=by, resumed_at=datetime.now(UTC))).rowcount > 0
 
 
 def paused_studies(connection: Connection) -> set[str]:
-    """The names of all studies that stand still."""
+    """Return the names of all paused studies."""
     query = select(study_pauses.c.study).where(study_pauses.c.resumed_at.is_(None))
     return set(connection.execute(query).scalars())

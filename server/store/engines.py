@@ -65,7 +65,7 @@ class DatabaseInUse(DatabaseDown):
 
 
 def is_down(error: BaseException) -> bool:
-    """Whether the database is to blame (and the same call may succeed later), not the call."""
+    """Return whether the database is to blame (and the same call may succeed later), not the call."""
     if isinstance(error, DatabaseDown):
         return True
     if not isinstance(error, DBAPIError):
@@ -230,7 +230,8 @@ class WriteConnection:
         return connection
 
     def _locked(self, connection: Connection) -> bool:
-        """Whether the lock is ours. Waits a moment for a server that has just stopped, or starts at the same time."""
+        """Return whether the lock is ours. Waits a moment for a server that has just stopped, or starts at the same
+        time."""
         for wait_s in (*self._waits_s, None):
             if connection.execute(text(f"SELECT {self._try_lock}(:key)"), {"key": _ADVISORY_LOCK}).scalar_one():
                 return True
@@ -246,8 +247,8 @@ class WriteConnection:
 
 
 def encoding_problem(connection: Connection) -> str:
-    """What is wrong with a PostgreSQL database made where no locale was set (SQL_ASCII) or for one language (LATIN1),
-    and the remedy; empty: every letter can be stored."""
+    """Return what is wrong with a PostgreSQL database made where no locale was set (SQL_ASCII) or for one language
+    (LATIN1), and the remedy; empty: every letter can be stored."""
     encoding = connection.execute(text("SHOW server_encoding")).scalar_one()
     if encoding == "UTF8":
         return ""

@@ -78,7 +78,7 @@ _COLUMNS = [episodes.c[name] for name in StoredEpisode.__dataclass_fields__]
 
 
 def create(connection: Connection, new: NewEpisode) -> str:
-    """A new episode's id. It is the next attempt of its participants at their step."""
+    """Return a new episode's id. It is the next attempt of its participants at their step."""
     spec = new.spec
     tried = select(func.max(episodes.c.attempt)).where(episodes.c.step_key == new.step_key, _has(new.participants))
     last = connection.execute(tried).scalar() if any(new.participants) else None
@@ -120,20 +120,20 @@ def create(connection: Connection, new: NewEpisode) -> str:
 
 
 def of_step(connection: Connection, participant_id: str, step_key: str) -> StoredEpisode | None:
-    """The participant's latest attempt at a step."""
+    """Return the participant's latest attempt at a step."""
     query = select(*_COLUMNS).where(episodes.c.step_key == step_key, _has((participant_id,)))
     row = connection.execute(query.order_by(episodes.c.attempt.desc())).first()
     return StoredEpisode(**row._mapping) if row else None
 
 
 def of_participant(connection: Connection, participant_id: str) -> list[StoredEpisode]:
-    """All the participant's episodes, oldest first."""
+    """Return all the participant's episodes, oldest first."""
     query = select(*_COLUMNS).where(_has((participant_id,))).order_by(episodes.c.created_at, episodes.c.id)
     return [StoredEpisode(**row._mapping) for row in connection.execute(query)]
 
 
 def get(connection: Connection, episode_id: str) -> StoredEpisode | None:
-    """The episode with this id."""
+    """Return the episode with this id."""
     row = connection.execute(select(*_COLUMNS).where(episodes.c.id == episode_id)).first()
     return StoredEpisode(**row._mapping) if row else None
 
@@ -147,7 +147,7 @@ def unfinished(connection: Connection, study_id: int | None = None) -> list[str]
 
 
 def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
-    """The episode, ready to go on where its last stored tick left it. Raises BrokenEpisode."""
+    """Return the episode in the state after its last stored tick. Raises BrokenEpisode."""
     row = connection.execute(select(episodes).where(episodes.c.id == episode_id)).first()
     if row is None:
         return None
@@ -186,8 +186,8 @@ def _known_at(last: TickRecord | None, held: Sequence[PauseRecord]) -> datetime 
 
 
 def _away_ms(stored: Sequence[PauseRecord]) -> float:
-    """How long people were away. An absence that lasted when a server died ends with the pause of the next one: how
-    much of it was the person's nobody knows, so it is not held against them."""
+    """Return how long people were away. An absence that lasted when a server died ends with the pause of the next one:
+    how much of it was the person's nobody knows, so it is not held against them."""
     away = 0.0
     for one, following in zip_longest(stored, stored[1:]):
         if one.reason in AWAY_REASONS and one.duration_ms is not None:
@@ -226,7 +226,7 @@ _BEGIN_PAUSE: Final = pauses.insert()
 
 
 def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:
-    """The episode's pauses, in order."""
+    """Return the episode's pauses, in order."""
     rows = connection.execute(select(pauses).where(pauses.c.episode_id == episode_id).order_by(pauses.c.started_at))
     return [PauseRecord(row.episode_id, row.timestep, row.reason, row.started_at, row.duration_ms) for row in rows]
 

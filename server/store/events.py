@@ -49,7 +49,7 @@ def add_at_most(connection: Connection, new: Event, most: int) -> bool:
 
 
 def of_participant(connection: Connection, participant_id: str, kind: str | None = None) -> list[Event]:
-    """What happened to a participant, in order."""
+    """Return what happened to a participant, in order."""
     query = select(events).where(events.c.participant_id == participant_id).order_by(events.c.id)
     if kind is not None:
         query = query.where(events.c.kind == kind)

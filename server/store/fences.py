@@ -42,13 +42,13 @@ def take(connection: Connection, episode_id: str) -> tuple[int, EpisodeRecord] |
 
 
 def current(connection: Connection, episode_id: str) -> int | None:
-    """The number of the episode's owner; None where there is no such episode."""
+    """Return the number of the episode's owner; None where there is no such episode."""
     return connection.execute(select(episodes.c.fence).where(episodes.c.id == episode_id)).scalar()
 
 
 def held(connection: Connection, fences: Fences) -> tuple[set[str], set[str]]:
-    """The episodes that are still owned with these numbers, and stay so until the transaction ends; and those that
-    another process has taken up. Episodes that were deleted are in neither."""
+    """Return the episodes that are still owned with these numbers, and stay so until the transaction ends; and those
+    that another process has taken up. Episodes that were deleted are in neither."""
     query = select(episodes.c.id, episodes.c.fence).where(episodes.c.id.in_(sorted(fences))).order_by(episodes.c.id)
     found = {row.id: row.fence for row in connection.execute(query.with_for_update(read=True, key_share=True))}
     mine = {episode for episode, fence in found.items() if fence == fences[episode]}
@@ -71,7 +71,7 @@ class FencedRecorder(StoreRecorder):
         self._fences: dict[str, int] = {}
 
     async def take(self, episode: str) -> EpisodeRecord | None:
-        """The episode, owned from now on. Raises RecorderDown."""
+        """Take over the episode and return it. Raises RecorderDown."""
         taken: tuple[int, EpisodeRecord] | None = await self._guarded(self._database.write(take, episode))
         if taken is None:
             return None
@@ -79,12 +79,12 @@ class FencedRecorder(StoreRecorder):
         return record
 
     async def still_mine(self, episode: str) -> bool:
-        """Whether no other process has taken the game up. Raises RecorderDown."""
+        """Return whether no other process has taken the game up. Raises RecorderDown."""
         mine = self._fences.get(episode)
         return mine is not None and await self._guarded(self._database.read(current, episode)) == mine
 
     def fence(self, episode: str) -> int:
-        """The number with which this process owns a game; 0: it does not."""
+        """Return the number with which this process owns a game; 0: it does not."""
         return self._fences.get(episode, 0)
 
     def let_go(self, episode: str) -> None:
@@ -122,7 +122,7 @@ class FencedRecorder(StoreRecorder):
 
 
 def _if_held(connection: Connection, episode: str, fence: int, store: Any, *arguments: Any) -> bool:
-    """False: another process has taken the game up, nothing was stored."""
+    """Return false: another process has taken the game up, nothing was stored."""
     mine, lost = held(connection, {episode: fence})
     if mine:
         store(connection, *arguments)

@@ -29,7 +29,7 @@ def insert_of_known(connection: Connection, episode_id: str, records: Iterable[I
 
 
 def of_episode(connection: Connection, episode_id: str) -> list[InputRecord]:
-    """The episode's inputs, in the order of their arrival."""
+    """Return the episode's inputs, in the order of their arrival."""
     order = (inputs.c.received_unix_ms, inputs.c.seat, inputs.c.number)
     rows = connection.execute(select(inputs).where(inputs.c.episode_id == episode_id).order_by(*order))
     return [InputRecord(*row) for row in rows]

@@ -40,7 +40,7 @@ def next_interactions(layout: Layout, joint_actions: Sequence[Sequence[int]], se
 
 
 def _interactions(layout: Layout, joint_actions: Sequence[Sequence[int]], seat: int) -> dict[int, Place]:
-    """What the chef did, by timestep."""
+    """Return what the chef did, by timestep."""
     kitchen, events = Kitchens.start(layout), np.zeros((1, 2), np.int32)
     done: dict[int, Place] = {}
     for timestep, actions in enumerate(joint_actions):

@@ -44,20 +44,20 @@ def save(connection: Connection, name: str, grid: str | None, by: str, opened: i
 
 
 def newest(connection: Connection) -> list[StoredKitchen]:
-    """The newest version of every kitchen that was not removed, by name."""
+    """Return the newest version of every kitchen that was not removed, by name."""
     last = select(func.max(kitchens.c.id)).group_by(kitchens.c.name)
     query = select(kitchens).where(kitchens.c.id.in_(last), kitchens.c.grid.is_not(None)).order_by(kitchens.c.name)
     return [_kitchen(row) for row in connection.execute(query)]
 
 
 def of_name(connection: Connection, name: str) -> list[StoredKitchen]:
-    """All versions of one kitchen, newest first."""
+    """Return all versions of one kitchen, newest first."""
     query = select(kitchens).where(kitchens.c.name == name).order_by(kitchens.c.version.desc())
     return [_kitchen(row) for row in connection.execute(query)]
 
 
 def grids(connection: Connection) -> dict[str, str]:
-    """The grid of every kitchen by its name; none in a database from before there were kitchens."""
+    """Return the grid of every kitchen by its name; none in a database from before there were kitchens."""
     if not inspect(connection).has_table(kitchens.name):
         return {}
     return {one.name: one.grid for one in newest(connection) if one.grid is not None}

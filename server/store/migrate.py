@@ -62,7 +62,7 @@ def migrate_shared(url: str) -> None:
 
 
 def revision_of(connection: Connection) -> str | None:
-    """Which revision a database's tables are of; None if there are none."""
+    """Return which revision a database's tables are of; None if there are none."""
     if not inspect(connection).has_table("alembic_version"):
         return None
     revision: str | None = connection.execute(text("SELECT version_num FROM alembic_version")).scalar()
@@ -70,10 +70,10 @@ def revision_of(connection: Connection) -> str | None:
 
 
 def known_revisions() -> tuple[str, ...]:
-    """Every revision that this version knows, newest first: its number opens the name of its file."""
+    """Return every revision that this version knows, newest first: its number opens the name of its file."""
     return tuple(sorted((file.name[:4] for file in (MIGRATIONS / "versions").glob("[0-9]*.py")), reverse=True))
 
 
 def newest_revision() -> str:
-    """The revision that `migrate` leads to."""
+    """Return the revision that `migrate` leads to."""
     return known_revisions()[0]

@@ -16,7 +16,7 @@ from server.store.tables import attempts
 WINDOW: Final = timedelta(hours=1)
 NEW: Final = "new participant"
 TURNED_AWAY: Final = "turned away"
-MOST_TURNED_AWAY: Final = 1000  # rows of one study: more people are not counted
+MAX_TURNED_AWAY: Final = 1000  # rows of one study: more people are not counted
 
 
 class NoPlaceLeft(Exception):
@@ -46,7 +46,7 @@ def take(connection: Connection, budgets: Sequence[PlaceBudget], now: datetime) 
 
 def turn_away(connection: Connection, study: str, now: datetime) -> None:
     """Count somebody who was refused, for the alert."""
-    if _count(connection, TURNED_AWAY, study, now) < MOST_TURNED_AWAY:
+    if _count(connection, TURNED_AWAY, study, now) < MAX_TURNED_AWAY:
         _add(connection, TURNED_AWAY, study, now)
 
 

@@ -90,12 +90,12 @@ class Group:
 
 
 def group_to_show(connection: Connection, study_ids: Sequence[int]) -> Group:
-    """The people, or the bots of a study that only bots have walked through."""
+    """Return the people, or the bots of a study in which only bots have taken part."""
     return Group(study_ids, simulated=simulated(connection, study_ids) > 0 and not flow(connection, Group(study_ids)))
 
 
 def flow(connection: Connection, group: Group) -> Counts:
-    """How many participants of each condition are or were where; those who withdrew included."""
+    """Return how many participants of each condition are or were where; those who withdrew included."""
     keys = (_p.condition, _p.status, _p.position)
     query = select(*keys, func.count()).where(group.members()).group_by(*keys)
     found: Counts = {(row[0], row[1], row[2]): row[3] for row in connection.execute(query)}
@@ -106,7 +106,7 @@ def flow(connection: Connection, group: Group) -> Counts:
 
 
 def inattentive(connection: Connection, group: Group) -> dict[tuple[str, int], int]:
-    """How many were screened out because of attention checks, by condition and position."""
+    """Return how many were screened out because of attention checks, by condition and position."""
     noted = select(events.c.participant_id).where(events.c.kind == ATTENTION_SCREENED_OUT)
     query = select(_p.condition, _p.position, func.count()).where(group.members(), _p.id.in_(noted))
     query = query.where(_p.status == "screened_out").group_by(_p.condition, _p.position)
@@ -114,33 +114,33 @@ def inattentive(connection: Connection, group: Group) -> dict[tuple[str, int], i
 
 
 def failed_a_check(connection: Connection, group: Group) -> int:
-    """How many who completed the study failed an attention check on the way."""
+    """Return how many of those who completed the study failed an attention check."""
     failed = select(answers.c.participant_id).where(answers.c.attention.is_(False))
     query = select(func.count()).where(group.members(), _p.status == "completed", _p.id.in_(failed))
     return connection.execute(query).scalar_one()
 
 
 def here_now(connection: Connection, group: Group) -> int:
-    """How many active participants were seen lately."""
+    """Return how many active participants were seen lately."""
     query = select(func.count()).where(group.members(), _p.status == "active")
     return int(connection.execute(query.where(_p.last_seen_at > datetime.now(UTC) - HERE)).scalar_one())
 
 
 def simulated(connection: Connection, study_ids: Sequence[int]) -> int:
-    """How many participants are bots."""
+    """Return how many participants are bots."""
     query = select(func.count()).where(Group(study_ids, simulated=True).members())
     return int(connection.execute(query).scalar_one())
 
 
 def minutes(connection: Connection, group: Group, most: int = 500) -> list[float]:
-    """How long the last participants took from consent to the end, shortest first."""
+    """Return how long the last participants took from consent to the end, shortest first."""
     query = select(_p.started_at, _p.completed_at).where(group.members(), _p.completed_at.is_not(None))
     rows = connection.execute(query.order_by(_p.completed_at.desc()).limit(most))
     return sorted((row.completed_at - row.started_at).total_seconds() / 60 for row in rows)
 
 
 def excluded(connection: Connection, group: Group, status: str = "completed") -> dict[str, int]:
-    """How many participants of this status are excluded whole, by condition."""
+    """Return how many participants of this status are excluded whole, by condition."""
     query = select(_p.condition, func.count(func.distinct(_p.id))).join_from(participants, exclusions)
     held = (exclusions.c.restored_at.is_(None), exclusions.c.episode_id.is_(None))
     query = query.where(group.members(), _p.status == status, *held)
@@ -168,17 +168,17 @@ def _people() -> Any:
 
 
 def played(connection: Connection, *ids: str) -> dict[str, Played]:
-    """These episodes, by id; without those that belong to no participant of a study."""
+    """Return these episodes, by id; without those that belong to no participant of a study."""
     return {one.id: one for one in _played(connection, _e.id.in_(ids))}
 
 
 def played_by(connection: Connection, participant_id: str) -> list[Played]:
-    """All episodes of a participant, in order."""
+    """Return all episodes of a participant, in order."""
     return _played(connection, _p.id == participant_id)
 
 
 def latest(connection: Connection, study_ids: Sequence[int], most: int = 200) -> list[Played]:
-    """The study's episodes that have begun, latest first."""
+    """Return the study's episodes that have begun, latest first."""
     found = _played(connection, _e.study_id.in_(study_ids) & _e.started_at.is_not(None), _e.started_at.desc(), most)
     return found
 
@@ -217,5 +217,5 @@ def stored(connection: Connection, study_ids: Sequence[int]) -> dict[str, int]:
 
 
 def latest_tick(connection: Connection, episode_id: str) -> int | None:
-    """The last timestep that is stored."""
+    """Return the last timestep that is stored."""
     return connection.execute(select(func.max(ticks.c.timestep)).where(ticks.c.episode_id == episode_id)).scalar()

@@ -19,7 +19,7 @@ def pack(intentions: Sequence[Intention]) -> bytes | None:
 
 
 def unpack(blob: bytes | None) -> tuple[Intention, ...]:
-    """The inverse of `pack`. Probabilities come back as rounded to 32 bits."""
+    """Return the inverse of `pack`. Probabilities come back as rounded to 32 bits."""
     return tuple(Intention(*values) for values in _PREDICTED.iter_unpack(blob or b""))
 
 

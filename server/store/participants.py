@@ -67,12 +67,12 @@ def new_token() -> str:
 
 
 def token_hash(token: str) -> str:
-    """What is stored of a token."""
+    """Return what is stored of a token."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
 def create(connection: Connection, new: NewParticipant) -> Participant:
-    """The participant, numbered in order of consent; the study version is frozen by the first one.
+    """Return the participant, numbered in order of consent; the study version is frozen by the first one.
 
     A person who is in the study already (same `recruitment_id`) gets the row that there is, with the new token.
     """
@@ -118,7 +118,7 @@ def add_personal(connection: Connection, participant_id: str, study_id: int, key
 
 
 def personal_of(connection: Connection, participant_id: str) -> dict[str, str]:
-    """What is kept about the person: recruitment ids for the way back to the recruiter, contact."""
+    """Return what is kept about the person: recruitment ids for the way back to the recruiter, contact."""
     query = select(personal.c.key, personal.c.value).where(personal.c.participant_id == participant_id)
     return {row.key: row.value for row in connection.execute(query)}
 
@@ -132,17 +132,17 @@ def renew_personal(connection: Connection, participant_id: str, study_id: int, f
 
 
 def get(connection: Connection, participant_id: str) -> Participant | None:
-    """The participant with this id."""
+    """Return the participant with this id."""
     return _one(connection, participants.c.id == participant_id)
 
 
 def by_token(connection: Connection, token: str) -> Participant | None:
-    """The participant whose cookie this is."""
+    """Return the participant whose cookie this is."""
     return _one(connection, participants.c.token_hash == token_hash(token))
 
 
 def by_recruitment_id(connection: Connection, study_id: int, recruitment_id: str) -> Participant | None:
-    """The participant that the recruiter knows by this id."""
+    """Return the participant that the recruiter knows by this id."""
     person = select(personal.c.participant_id).where(
         personal.c.study_id == study_id, personal.c.key == RECRUITMENT_ID, personal.c.value == recruitment_id
     )
@@ -150,7 +150,7 @@ def by_recruitment_id(connection: Connection, study_id: int, recruitment_id: str
 
 
 def by_code(connection: Connection, study_id: int, code: str) -> Participant | None:
-    """The participant of a study version who was given this completion code."""
+    """Return the participant of a study version who was given this completion code."""
     return _one(connection, and_(participants.c.study_id == study_id, participants.c.completion_code == code))
 
 
@@ -168,7 +168,7 @@ def find(connection: Connection, study_ids: Sequence[int], word: str) -> Partici
 
 
 def of_study(connection: Connection, study_id: int) -> list[Participant]:
-    """All participants of a study version, in order of consent."""
+    """Return all participants of a study version, in order of consent."""
     query = select(*_COLUMNS).where(participants.c.study_id == study_id).order_by(participants.c.number)
     return [Participant(**row._mapping) for row in connection.execute(query)]
 
@@ -249,7 +249,7 @@ def consented_since(connection: Connection, study_ids: Sequence[int], since: dat
 
 
 def is_silent(connection: Connection, participant_id: str) -> bool:
-    """Whether the participant is active and has done nothing since consent."""
+    """Return whether the participant is active and has done nothing since consent."""
     query = select(participants.c.id).where(participants.c.id == participant_id, _idle())
     return connection.execute(query).first() is not None
 
@@ -266,7 +266,8 @@ def set_language(connection: Connection, participant_id: str, language: str) -> 
 
 
 def counts(connection: Connection, study_id: int, simulated: bool = False) -> Counts:
-    """How many people (or bots) of each status each condition has, e.g. {"tom": {"active": 2, "withdrawn": 1}}."""
+    """Return how many people (or bots) of each status each condition has, e.g. {"tom": {"active": 2, "withdrawn":
+    1}}."""
     query = select(participants.c.condition, participants.c.status, func.count())
     query = query.where(participants.c.study_id == study_id, participants.c.simulated == simulated)
     found: Counts = {}

@@ -24,7 +24,7 @@ class StudyVersion:
     frozen_at: datetime | None
 
     def enrolled(self, simulated: bool) -> int:
-        """How many bots consented, or how many people; those who withdrew included."""
+        """Return how many bots consented, or how many people; those who withdrew included."""
         return self.simulated_started if simulated else self.started - self.simulated_started
 
 
@@ -40,13 +40,13 @@ def register(connection: Connection, key: str, source: str) -> StudyVersion:
 
 
 def get(connection: Connection, study_id: int) -> StudyVersion | None:
-    """The version with this number."""
+    """Return the version with this number."""
     row = connection.execute(select(studies).where(studies.c.id == study_id)).first()
     return _study(row) if row else None
 
 
 def every(connection: Connection, key: str | None = None) -> list[StudyVersion]:
-    """All versions (of one key), oldest first."""
+    """Return all versions (of one key), oldest first."""
     query = select(studies).order_by(studies.c.id)
     if key is not None:
         query = query.where(studies.c.key == key)

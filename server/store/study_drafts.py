@@ -78,14 +78,14 @@ def create(connection: Connection, text: DraftText) -> int:
 
 
 def get(connection: Connection, draft: int) -> StudyDraft | None:
-    """The draft with this number, unless it was deleted."""
+    """Return the draft with this number, unless it was deleted."""
     query = select(study_drafts).where(study_drafts.c.id == draft, study_drafts.c.deleted_at.is_(None))
     row = connection.execute(query).first()
     return StudyDraft(**row._mapping) if row else None
 
 
 def every(connection: Connection) -> list[StudyDraft]:
-    """All drafts that were not deleted, the one that was changed last first."""
+    """Return all drafts that were not deleted, the one that was changed last first."""
     query = select(study_drafts).where(study_drafts.c.deleted_at.is_(None))
     rows = connection.execute(query.order_by(study_drafts.c.changed_at.desc(), study_drafts.c.id.desc()))
     return [StudyDraft(**row._mapping) for row in rows]
@@ -118,7 +118,7 @@ def set_aside(connection: Connection, draft: int, text: DraftText) -> None:
 
 
 def was_saved(connection: Connection, draft: int, source: str) -> bool:
-    """Whether the draft had this text, as far as the history knows."""
+    """Return whether the draft had this text, as far as the history knows."""
     here = study_draft_versions.c
     query = select(here.id).where(here.draft_id == draft, here.source == source, here.note != SET_ASIDE)
     return connection.execute(query.limit(1)).first() is not None
@@ -131,7 +131,7 @@ def delete(connection: Connection, draft: int) -> bool:
 
 
 def history(connection: Connection, draft: int) -> list[DraftVersion]:
-    """Every text that is kept of a draft, newest first."""
+    """Return every text that is kept of a draft, newest first."""
     query = select(study_draft_versions).where(study_draft_versions.c.draft_id == draft)
     rows = connection.execute(query.order_by(study_draft_versions.c.saved_at.desc(), study_draft_versions.c.id.desc()))
     return [DraftVersion(**row._mapping) for row in rows]
@@ -163,8 +163,8 @@ def _keep(connection: Connection, draft: int, revision: int, text: DraftText) ->
 
 
 def _line_of_sitting(connection: Connection, draft: int, text: DraftText, since: datetime) -> int | None:
-    """The line that a text continues: the author's own, also if others edit at the same time, unless somebody has
-    restored an earlier text since."""
+    """Return the line that a text continues: the author's own, also if others edit at the same time, unless somebody
+    has restored an earlier text since."""
     here = study_draft_versions.c
     lines = connection.execute(
         select(here.id, here.author, here.note)
@@ -180,7 +180,7 @@ def _line_of_sitting(connection: Connection, draft: int, text: DraftText, since:
 
 
 def _is_aside(connection: Connection, draft: int, text: DraftText) -> bool:
-    """Whether the text that was set aside last is this one."""
+    """Return whether the text that was set aside last is this one."""
     here = study_draft_versions.c
     query = select(here.author, here.source).where(here.draft_id == draft, here.note == SET_ASIDE)
     last = connection.execute(query.order_by(here.id.desc()).limit(1)).first()

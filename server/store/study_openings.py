@@ -1,4 +1,4 @@
-"""Which studies were opened from drafts: what the server serves besides its files, also after a restart."""
+"""The studies that were opened from drafts, which the server serves in addition to its files, also after a restart."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -45,7 +45,7 @@ def close_study(connection: Connection, name: str, by: str) -> bool:
 
 
 def newest(connection: Connection) -> dict[str, StudyOpening]:
-    """The newest opening of every study that was ever opened from a draft, by the study's name."""
+    """Return the newest opening of every study that was ever opened from a draft, by the study's name."""
     here, version = study_openings.c, studies.c
     last = select(func.max(here.id)).group_by(here.study)
     of_opening = (here.study, here.study_id, here.draft_id, here.draft_revision, version.sha256)
@@ -56,7 +56,8 @@ def newest(connection: Connection) -> dict[str, StudyOpening]:
 
 
 def needed(connection: Connection) -> list[StudyOpening]:
-    """The openings that a server needs: those that are open, and closed ones with people who are still in them."""
+    """Return the openings that a server needs: those that are open, and closed ones with people who are still in
+    them."""
     busy = set(
         connection.execute(
             select(participants.c.study_id).where(participants.c.status == "active").distinct()
@@ -66,7 +67,7 @@ def needed(connection: Connection) -> list[StudyOpening]:
 
 
 class StudyClosed(Exception):
-    """A researcher closed the study: nobody new is let in any more."""
+    """A researcher closed the study: new participants can no longer join."""
 
 
 def check_open(connection: Connection, name: str) -> None:
@@ -76,7 +77,7 @@ def check_open(connection: Connection, name: str) -> None:
 
 
 def closed(connection: Connection) -> set[str]:
-    """The names of the studies that were opened from a draft and take nobody new any more."""
+    """Return the names of the studies that were opened from a draft and take nobody new any more."""
     here = study_openings.c
     last = select(func.max(here.id)).group_by(here.study)
     query = select(here.study).where(here.id.in_(last), here.closed_at.is_not(None))
@@ -84,6 +85,6 @@ def closed(connection: Connection) -> set[str]:
 
 
 def is_taken(connection: Connection, name: str, draft: int) -> bool:
-    """Whether another draft is open under this name."""
+    """Return whether another draft is open under this name."""
     opened = newest(connection).get(name)
     return opened is not None and opened.is_open and opened.draft_id != draft

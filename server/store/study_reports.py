@@ -84,14 +84,14 @@ def fail(connection: Connection, number: int, study: str, by: str, reason: str) 
 
 
 def newest(connection: Connection, study: str) -> tuple[StoredReport | None, StoredReport | None]:
-    """The newest attempt of a study, and the report that is kept."""
+    """Return the newest attempt of a study, and the report that is kept."""
     query = select(*_COLUMNS).where(_here.study == study).order_by(_here.id.desc())
     found = [StoredReport(**row._mapping) for row in connection.execute(query)]
     return next(iter(found), None), next((one for one in found if one.made_at is not None), None)
 
 
 def archive_of(connection: Connection, study: str) -> bytes | None:
-    """The files of the report that is kept, as a zip archive."""
+    """Return the files of the report that is kept, as a zip archive."""
     query = select(_here.archive).where(_here.study == study, _here.made_at.is_not(None))
     return connection.execute(query.order_by(_here.id.desc()).limit(1)).scalar_one_or_none()
 

@@ -50,13 +50,14 @@ def insert_of_known(connection: Connection, records: Sequence[TickRecord]) -> tu
 
 
 def of_episode(connection: Connection, episode_id: str, after: int = -1) -> list[TickRecord]:
-    """All ticks of an episode that follow timestep `after`, in order. Predictions come back as rounded to 32 bits."""
+    """Return all ticks of an episode that follow timestep `after`, in order. Predictions come back as rounded to 32
+    bits."""
     query = select(ticks).where(ticks.c.episode_id == episode_id, ticks.c.timestep > after).order_by(ticks.c.timestep)
     return [record_of(row) for row in connection.execute(query)]
 
 
 def row_of(record: TickRecord) -> Values:
-    """The values of a tick in the order of the table's columns. Raises ValueError for two keys of one seat."""
+    """Return the values of a tick in the order of the table's columns. Raises ValueError for two keys of one seat."""
     keys: list[Values] = [_NO_KEY, _NO_KEY]
     for key in record.keys:
         if keys[key.seat] is not _NO_KEY:
@@ -93,7 +94,7 @@ def row_of(record: TickRecord) -> Values:
 
 
 def record_of(row: "Row[Any]") -> TickRecord:
-    """The inverse of `row_of`; inputs have a table of their own."""
+    """Return the inverse of `row_of`; inputs have a separate table."""
     return TickRecord(
         episode=row.episode_id,
         timestep=row.timestep,
@@ -120,7 +121,7 @@ def record_of(row: "Row[Any]") -> TickRecord:
 
 
 def probabilities(blob: bytes | None) -> tuple[tuple[float, ...], ...]:
-    """The 3 x 6 probabilities in a stored prediction; empty where there is none."""
+    """Return the 3 x 6 probabilities in a stored prediction; empty where there is none."""
     if blob is None:
         return ()
     flat = PREDICTION.unpack(blob)
@@ -144,7 +145,7 @@ def _insert_text(dialect: str) -> str:
 
 
 def _conflicts(connection: Connection, rows: Sequence[Values]) -> tuple[tuple[str, int], ...]:
-    """Which of these rows are stored with other content."""
+    """Return which of these rows are stored with other content."""
     keys = [row[:2] for row in rows]
     stored = connection.execute(select(ticks).where(tuple_(ticks.c.episode_id, ticks.c.timestep).in_(keys)))
     found = {(row.episode_id, row.timestep): tuple(row) for row in stored}

@@ -27,7 +27,7 @@ _KEPT = tuple(participants.c[name] for name in ("study_id", "condition", "positi
 
 @dataclass(frozen=True)
 class Deletion:
-    """Who deletes a participant, for the audit log; `detail` must not name the person. `at`: when the person
+    """The actor of a deletion, for the audit log; `detail` must not name the person. `at`: when the person
     was deleted before, by a tombstone that is there already."""
 
     actor: str = "participant"

@@ -39,7 +39,7 @@ class PrimaryTest(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _test_of_an_effect(cls, values: Any) -> Any:
-        """An effect of factors has one test, so that the file need not name it."""
+        """Add the test of an effect of factors: there is only one, so the file need not name it."""
         return {"test": "anova", **values} if isinstance(values, dict) and values.get("effect") else values
 
 

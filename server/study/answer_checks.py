@@ -123,7 +123,7 @@ def _check_multiple(question: MultipleQuestion, values: list[str]) -> list[str] 
 
 
 def _check_ranking(question: RankingQuestion, form: Mapping[str, list[str]]) -> list[str] | AnswerError | None:
-    """A ranking comes as one field an option, `key.option` = place from 1."""
+    """Read a ranking: one field for each option, `key.option` = place from 1."""
     places = {
         option.value: "".join(form.get(f"{question.key}.{option.value}", [""])[:1]) for option in question.options
     }

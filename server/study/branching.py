@@ -7,7 +7,7 @@ from pydantic import Field
 
 from server.study.strict_model import StrictModel
 
-Said = Mapping[str, Mapping[str, Any]]  # step key -> question key -> answer
+EarlierAnswers = Mapping[str, Mapping[str, Any]]  # step key -> question key -> answer
 
 
 class When(StrictModel):
@@ -20,10 +20,10 @@ class When(StrictModel):
     """The answers that lead here: values of options, or numbers of the scale. Of several chosen options, one is
     enough."""
 
-    def holds(self, said: Said | None) -> bool:
+    def holds(self, earlier: EarlierAnswers | None) -> bool:
         """Return whether one of the answers was given. None: there are no answers, as in a preview, and everything is
         shown."""
-        if said is None:
+        if earlier is None:
             return True
-        given = next((page[self.question] for page in said.values() if self.question in page), None)
+        given = next((page[self.question] for page in earlier.values() if self.question in page), None)
         return any(str(value) in self.one_of for value in (given if isinstance(given, list) else [given]))

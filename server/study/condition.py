@@ -88,11 +88,11 @@ class Condition(ConditionSettings, NamedPart):
         return (self,)
 
     def at(self, block: int) -> "Condition":
-        """What is seen in a block of rounds, from 1. 0: outside of the rounds, or without blocks."""
+        """Return what is seen in a block of rounds, from 1. 0: outside of the rounds, or without blocks."""
         return self.displays[block - 1] if block else self
 
     def drawn(self, settings: PredictorSettings) -> Display:
-        """What participants see of a prediction, over all blocks; `settings`: those of the study."""
+        """Return what participants see of a prediction, over all blocks; `settings`: those of the study."""
         every = {one.display or settings.display for one in self.displays if one.predictor != "none"} - {"none"}
         return "both" if len(every) > 1 else next(iter(every), "none")
 

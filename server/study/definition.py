@@ -93,7 +93,8 @@ class Progress(StrictModel):
 
 
 def _whole(value: Any) -> Any:
-    """A digit of the file as a number: values of a study file are texts, and a Literal of numbers parses none."""
+    """Return a digit of the file as a number: values of a study file are texts, and a Literal of numbers parses
+    none."""
     return int(value) if isinstance(value, str) and value in ("0", "1") else value
 
 
@@ -258,7 +259,7 @@ class Study(StrictModel):
         return any(when is not None for when in found)
 
     def drawn(self, condition: Condition) -> Display:
-        """What participants in a condition see of a prediction."""
+        """Return what participants in a condition see of a prediction."""
         return condition.drawn(self.predictor)
 
     def shows_predictions(self, condition: Condition) -> bool:
@@ -271,7 +272,7 @@ class Study(StrictModel):
         return _named(self.layouts, name)
 
     def questions(self, key: str) -> tuple[AnyQuestion, ...]:
-        """The questions of a questionnaire, or of the quiz."""
+        """Return the questions of a questionnaire, or of the quiz."""
         if key == "quiz" and self.quiz is not None:
             return self.quiz.asks
         return self.questionnaires[key].asks

@@ -11,7 +11,7 @@ from server.study.loader import PlacedProblem, StudyError, StudyFile, parse_stud
 from server.study.yaml_edit import YamlEditError
 
 STUDY_NAME: Final = re.compile(r"[a-z][a-z0-9_-]{0,39}")
-MOST_CHARACTERS: Final = 300_000
+MAX_CHARACTERS: Final = 300_000
 _HEAD: Final = re.compile(r"\A(#.*\n)+")
 
 
@@ -78,7 +78,8 @@ def _path(pieces: Any) -> Sequence[str | int]:
 
 
 def from_template(text: str, name: str, title: str) -> str:
-    """A template as a study of its own, with another seed. The template's first comment describes the template."""
+    """Return a template as a study of its own, with another seed. The template's first comment describes the
+    template."""
     text = _HEAD.sub(f"# The study {name}.\n", text.replace("\r\n", "\n"))
     text = yaml_edit.put(text, ("name",), name)
     text = yaml_edit.put(text, ("seed",), secrets.randbelow(10**9))

@@ -15,9 +15,9 @@ from server.study.strict_model import StrictModel
 
 SETTING_OF: Final = {"prediction": "predictor", "opacity": "confidence_opacity", "steps": "steps_shown"}
 DEFAULT_PREDICTOR: Final = "tom"
-MOST_FACTORS: Final = 4
-MOST_CELLS: Final = 32
-LONGEST_NAME: Final = 40
+MAX_FACTORS: Final = 4
+MAX_CELLS: Final = 32
+MAX_NAME_LENGTH: Final = 40
 
 
 class Cells(StrictModel):
@@ -75,7 +75,7 @@ def _block(name: str, levels: Any) -> Any:
     return {level: {setting: level} for level in levels}
 
 
-Factors = Annotated[dict[Key, Levels], Field(max_length=MOST_FACTORS), BeforeValidator(_written_out)]
+Factors = Annotated[dict[Key, Levels], Field(max_length=MAX_FACTORS), BeforeValidator(_written_out)]
 
 
 def crossed(factors: Mapping[str, Iterable[str]]) -> Iterator[tuple[str, dict[str, str]]]:
@@ -115,8 +115,8 @@ def set_by(level: ConditionSettings) -> list[str]:
 def conditions_of(factors: Mapping[str, Mapping[str, ConditionSettings]], cells: Cells) -> tuple[Condition, ...]:
     """Return the conditions of a factorial design. Raises ValueError with a remedy."""
     count = math.prod(len(levels) for levels in factors.values())
-    if count > MOST_CELLS:
-        raise ValueError(f"the levels have {count} combinations. Use factors with at most {MOST_CELLS}")
+    if count > MAX_CELLS:
+        raise ValueError(f"the levels have {count} combinations. Use factors with at most {MAX_CELLS}")
     found: list[Condition] = []
     for name, blocks in arms(factors, cells.within):
         if name in cells.without:
@@ -144,8 +144,10 @@ def _condition(
 
 
 def _fits(name: str) -> str:
-    if len(name) > LONGEST_NAME:
-        raise ValueError(f"the condition {name} has more than {LONGEST_NAME} characters. Use shorter names of levels")
+    if len(name) > MAX_NAME_LENGTH:
+        raise ValueError(
+            f"the condition {name} has more than {MAX_NAME_LENGTH} characters. Use shorter names of levels"
+        )
     return name
 
 

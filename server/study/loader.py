@@ -19,11 +19,11 @@ from server.study.own_languages import LanguageError, use_languages_beside
 from server.study.plan_checks import plan_problems
 from server.study.validation_messages import mistakes
 
-LARGEST_BYTES = 1_000_000
-LARGEST_NODES = 50_000
-LARGEST_KEPT = 32_000  # characters of a text whose nodes are kept: they take 9 MB at the most
+MAX_BYTES = 1_000_000
+MAX_NODES = 50_000
+MAX_KEPT = 32_000  # characters of a text whose nodes are kept: they take 9 MB at the most
 DEEPEST = 20  # blocks and lists inside one another
-_TOO_MUCH = f"more than {DEEPEST} levels inside one another, or more than {LARGEST_NODES:,} values"
+_TOO_MUCH = f"more than {DEEPEST} levels inside one another, or more than {MAX_NODES:,} values"
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = frozenset({"str", "int", "float", "bool", "null", "timestamp"})
 _NULLS = frozenset({"", "~", "null", "Null", "NULL"})
@@ -81,7 +81,7 @@ class LineNumbers:
         self._lines[path] = line
 
     def line(self, path: Path) -> int:
-        """The line (from 1) of a value, or of the nearest block around it."""
+        """Return the line (from 1) of a value, or of the nearest block around it."""
         while path not in self._lines and path:
             path = path[:-1]
         return self._lines.get(path, 1)
@@ -102,7 +102,7 @@ class LineNumbers:
         return f"{where}{place + ': ' if place else ''}{self._sentence(problem)}"
 
     def placed(self, problem: Problem) -> PlacedProblem:
-        """The same for an editor."""
+        """Return the same for an editor."""
         path = self.nearest(problem.path)
         return PlacedProblem(self.line(path), path, self._sentence(problem), problem.warning)
 
@@ -116,12 +116,12 @@ class LineNumbers:
 
 
 def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> StudyFile:
-    """The study in a file, with the languages next to it. `models_folder`: where relative paths of models start, if not
-    in the file's folder. Raises StudyError (all problems at once), FileNotFoundError."""
+    """Return the study in a file, with the languages next to it. `models_folder`: where relative paths of models start,
+    if not in the file's folder. Raises StudyError (all problems at once), FileNotFoundError."""
     file = FilePath(path)
     data = file.read_bytes()
-    if len(data) > LARGEST_BYTES:
-        raise StudyError([f"{path}:1: the file has {len(data):,} bytes. At most {LARGEST_BYTES:,} are read."])
+    if len(data) > MAX_BYTES:
+        raise StudyError([f"{path}:1: the file has {len(data):,} bytes. At most {MAX_BYTES:,} are read."])
     try:
         use_languages_beside(file.parent)
     except LanguageError as error:
@@ -134,7 +134,7 @@ def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> S
 
 
 def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
-    """The study written in `text`. Raises StudyError."""
+    """Return the study written in `text`. Raises StudyError."""
     places = LineNumbers(source)
     data = _read(text, places)
     try:
@@ -155,7 +155,7 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
 
 
 def values_of(text: str | yaml.Node) -> Any:
-    """The values that stand in a text (or below a node of it): texts, lists and blocks, not yet checked. Raises
+    """Return the values that stand in a text (or below a node of it): texts, lists and blocks, not yet checked. Raises
     StudyError."""
     places = LineNumbers("study.yaml")
     return _read(text, places) if isinstance(text, str) else _Reader(places).value(text, ())
@@ -166,17 +166,17 @@ def _read(text: str, places: LineNumbers) -> Any:
 
 
 def compose(text: str, source: str, loader: "type[StudyComposer] | None" = None) -> yaml.MappingNode:
-    """The nodes of a text. Raises StudyError."""
-    composed: Callable[[str, Any], Any] = _kept if len(text) <= LARGEST_KEPT else yaml.compose
+    """Return the nodes of a text. Raises StudyError."""
+    composed: Callable[[str, Any], Any] = _kept if len(text) <= MAX_KEPT else yaml.compose
     try:
         root = composed(text, loader or StudyComposer)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
-        reason = f"this is no YAML: {error.problem}. {_yaml_remedy(error.problem or '')}"
+        reason = f"this is not YAML: {error.problem}. {_yaml_remedy(error.problem or '')}"
         raise _unplaced(source, line, reason) from None
     except yaml.YAMLError as error:
-        reason = f"this is no YAML: {error}. Save the file as plain UTF-8 text."
+        reason = f"this is not YAML: {error}. Save the file as plain UTF-8 text."
         raise _unplaced(source, 1, reason) from None
     if not isinstance(root, yaml.MappingNode):
         reason = "a study is a mapping of keys. Start from `kitchenmind study new NAME`."
@@ -186,8 +186,8 @@ def compose(text: str, source: str, loader: "type[StudyComposer] | None" = None)
 
 @lru_cache(maxsize=8)
 def _kept(text: str, loader: Any) -> Any:
-    """The nodes of one of the last texts; nobody may change them. The server reads the same text again and again, e.g.
-    for each change in the study builder, and PyYAML takes 6 to 18 ms for that of a bundled study."""
+    """Return the nodes of one of the last texts; nobody may change them. The server reads the same text again and
+    again, e.g. for each change in the study builder, and PyYAML takes 6 to 18 ms for that of a bundled study."""
     return yaml.compose(text, Loader=loader)
 
 
@@ -205,7 +205,7 @@ class StudyComposer(yaml.BaseLoader):
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         self._depth += 1
         self._composed += 1
-        if self._depth > DEEPEST + 1 or self._composed > LARGEST_NODES:
+        if self._depth > DEEPEST + 1 or self._composed > MAX_NODES:
             event: Any = self.peek_event()  # type: ignore[no-untyped-call]
             raise yaml.MarkedYAMLError(problem=_TOO_MUCH, problem_mark=event.start_mark)
         node = super().compose_node(parent, index)
@@ -237,7 +237,7 @@ class _Reader:
         self._nodes += 1
         line = node.start_mark.line + 1
         self._places.put(path, line)
-        if self._nodes > LARGEST_NODES or len(path) > DEEPEST:
+        if self._nodes > MAX_NODES or len(path) > DEEPEST:
             self._refuse(line, "the file is nested too deep or its aliases unfold to too much", "Write the values out.")
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)

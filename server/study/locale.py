@@ -33,7 +33,7 @@ class Locale:
         return words.format(**numbers) if numbers else words
 
     def section(self, prefix: str) -> dict[str, str]:
-        """All words below `prefix`, without it: what a script on the page needs."""
+        """Return all words below `prefix`, without it: what a script on the page needs."""
         start = f"{prefix}."
         return {key[len(start) :]: words for key, words in self.words.items() if key.startswith(start)}
 

@@ -45,7 +45,7 @@ def _once(rule: str, layouts: list[str], agents: list[str], seed: int, number: i
 
 
 def _paper(layouts: list[str], agents: list[str], chance: random.Random) -> list[Pair]:
-    """The published rule: agents at random in the first layout, then the reverse of the layout before."""
+    """Return the published rule: agents at random in the first layout, then the reverse of the layout before."""
     first = list(agents)
     chance.shuffle(first)
     return _alternating(layouts, first)

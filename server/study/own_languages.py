@@ -15,7 +15,7 @@ from server.study.locale import FALLBACK, LOCALES, add_language, is_bundled, wor
 
 FOLDER: Final = "locales"
 LANGUAGE: Final = re.compile(r"[a-z]{2,3}(-[A-Za-z0-9]{2,8})*")
-_LARGEST_BYTES: Final = 500_000
+_MAX_BYTES: Final = 500_000
 INDENT: Final = "  "
 
 
@@ -88,8 +88,8 @@ def completeness(path: Path) -> Completeness:
 
 def read(path: Path) -> dict[str, str]:
     """Return the words of a file by key. Raises LanguageError with place and remedy, OSError."""
-    if path.stat().st_size > _LARGEST_BYTES:
-        raise LanguageError([f"{path}:1: the file has more than {_LARGEST_BYTES:,} bytes. Keep the words only."])
+    if path.stat().st_size > _MAX_BYTES:
+        raise LanguageError([f"{path}:1: the file has more than {_MAX_BYTES:,} bytes. Keep the words only."])
     try:
         text = path.read_text(encoding="utf-8")
         words = words_in(text)

@@ -15,9 +15,9 @@ SCALE_NAMES: tuple[ScaleName, ...] = get_args(ScaleName)
 @cache
 def published_scale(name: str) -> dict[str, Any]:
     """Return the content of a scale's file. Raises FileNotFoundError for an unknown name."""
-    said = yaml.safe_load((SCALES / f"{name}.yaml").read_text(encoding="utf-8"))
-    assert isinstance(said, dict)  # noqa: S101 our own file
-    return said
+    scale = yaml.safe_load((SCALES / f"{name}.yaml").read_text(encoding="utf-8"))
+    assert isinstance(scale, dict)  # noqa: S101 our own file
+    return scale
 
 
 def scale_languages(name: str) -> tuple[str, ...]:

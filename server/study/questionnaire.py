@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from server.study.branching import Said, When
+from server.study.branching import EarlierAnswers, When
 from server.study.published_scales import ScaleName, published_scale, scale_questions
 from server.study.strict_model import StrictModel
 from server.study.text import Text
@@ -35,7 +35,7 @@ class SurveyQuestion(StrictModel):
     required: bool = True
     """Whether the question must be answered."""
     conditions: Literal["all", "with_predictor"] | tuple[str, ...] = "all"
-    """Who is asked: `all`, `with_predictor` (participants who see predictions), or a list of conditions."""
+    """The participants who are asked: `all`, `with_predictor` (those who see predictions), or a list of conditions."""
     when: When | None = None
     """Ask only after a certain answer on an earlier page. Empty: always."""
 
@@ -155,7 +155,7 @@ class PublishedScale(StrictModel):
     required: bool = Field(default=True, examples=[False])
     """Whether each item must be answered."""
     conditions: Literal["all", "with_predictor"] | tuple[str, ...] = Field(default="all", examples=["with_predictor"])
-    """Who is asked: `all`, `with_predictor` (participants who see predictions), or a list of conditions."""
+    """The participants who are asked: `all`, `with_predictor` (those who see predictions), or a list of conditions."""
     when: When | None = None
     """Ask only after a certain answer on an earlier page. Empty: always."""
 
@@ -212,7 +212,7 @@ def questions_of(entry: "QuestionEntry") -> tuple[AnyQuestion, ...]:
 
 
 def asked(questions: tuple[AnyQuestion, ...], condition: str, shows_predictions: bool) -> tuple[AnyQuestion, ...]:
-    """The questions that a participant gets in `condition`, or in a block of rounds with these levels."""
+    """Return the questions that a participant gets in `condition`, or in a block of rounds with these levels."""
 
     def is_asked(question: SurveyQuestion) -> bool:
         if question.conditions == "with_predictor":
@@ -222,18 +222,18 @@ def asked(questions: tuple[AnyQuestion, ...], condition: str, shows_predictions:
     return tuple(question for question in questions if is_asked(question))
 
 
-def asked_after(questions: tuple[AnyQuestion, ...], said: Said | None) -> tuple[AnyQuestion, ...]:
-    """Those of the questions that are asked after these answers. None: in a preview, all."""
-    return tuple(question for question in questions if question.when is None or question.when.holds(said))
+def asked_after(questions: tuple[AnyQuestion, ...], earlier: EarlierAnswers | None) -> tuple[AnyQuestion, ...]:
+    """Return those of the questions that are asked after these answers. None: in a preview, all."""
+    return tuple(question for question in questions if question.when is None or question.when.holds(earlier))
 
 
 def is_correct(question: AnyQuestion, answer: Value | None) -> bool:
-    """Whether a quiz question was answered correctly; a question without a correct answer always is."""
+    """Return whether a quiz question was answered correctly; a question without a correct answer always is."""
     return not isinstance(question, ChoiceQuestion) or question.correct is None or answer == question.correct
 
 
 def is_attentive(question: AnyQuestion, answer: Value | None) -> bool | None:
-    """Whether an attention check was passed; None where the question is none."""
+    """Return whether an attention check was passed; None where the question is none."""
     if isinstance(question, ScaleQuestion | ChoiceQuestion) and question.attention is not None:
         return answer == question.attention
     return None

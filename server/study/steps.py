@@ -45,15 +45,15 @@ def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[Stu
     """Return the steps of the participant with this seed, the `number`-th (from 0) in the condition. Raises KeyError
     for an unknown condition. The condition does not affect the order of the rounds, only what is drawn and asked."""
     study.condition(condition)
-    way: list[StudyStep] = []
+    sequence: list[StudyStep] = []
     for entry in study.flow:
         if entry == "episodes":
-            way.extend(_episodes(study, seed, number))
+            sequence.extend(_episodes(study, seed, number))
         elif entry == "tutorial":
-            way.append(StudyStep("tutorial", "tutorial", "practice", seed=derived_seed(seed, "tutorial")))
+            sequence.append(StudyStep("tutorial", "tutorial", "practice", seed=derived_seed(seed, "tutorial")))
         else:
-            way.append(_page(study, entry, _phase(study, entry)))
-    return tuple(way)
+            sequence.append(_page(study, entry, _phase(study, entry)))
+    return tuple(sequence)
 
 
 def episodes_of(study: Study) -> int:
@@ -66,16 +66,16 @@ def episodes_of_a_block(study: Study) -> int:
     return len(study.layouts) * len(study.agents) * study.order.repeat
 
 
-def position(way: tuple[StudyStep, ...], key: str) -> int:
+def position(sequence: tuple[StudyStep, ...], key: str) -> int:
     """Return the index of a step. Raises KeyError for a key that is not among these steps."""
-    for index, step in enumerate(way):
+    for index, step in enumerate(sequence):
         if step.key == key:
             return index
     raise KeyError(key)
 
 
 def _episodes(study: Study, seed: int, number: int) -> list[StudyStep]:
-    way: list[StudyStep] = []
+    sequence: list[StudyStep] = []
     order = episode_order(study, seed, number)
     for later in range(1, study.blocks):
         order += episode_order(study, derived_seed(seed, "block", later), number)
@@ -83,14 +83,14 @@ def _episodes(study: Study, seed: int, number: int) -> list[StudyStep]:
         block = block_of(study, turn)
         step = StudyStep("", "ready", "rounds", number=turn, layout=layout, agent=agent, block=block)
         name = f"{turn:02d}"
-        way.append(replace(step, key=f"ready-{name}"))
-        way.append(replace(step, key=f"episode-{name}", kind="episode", seed=derived_seed(seed, "episode", turn)))
+        sequence.append(replace(step, key=f"ready-{name}"))
+        sequence.append(replace(step, key=f"episode-{name}", kind="episode", seed=derived_seed(seed, "episode", turn)))
         if study.after_episode:
             key = f"{study.after_episode}-{name}"
-            way.append(replace(step, key=key, kind="questionnaire", page=study.after_episode))
+            sequence.append(replace(step, key=key, kind="questionnaire", page=study.after_episode))
         if turn in study.breaks.after and turn < len(order):
-            way.append(StudyStep(f"break-{name}", "break", "rounds", number=turn, block=block))
-    return way
+            sequence.append(StudyStep(f"break-{name}", "break", "rounds", number=turn, block=block))
+    return sequence
 
 
 def block_of(study: Study, number: int) -> int:

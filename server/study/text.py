@@ -29,7 +29,7 @@ class Text(RootModel[dict[str, str]]):
         return words.get(language) or words.get(ANY_LANGUAGE) or next(iter(words.values()))
 
     def missing(self, languages: tuple[str, ...]) -> tuple[str, ...]:
-        """The languages without words."""
+        """Return the languages without words."""
         return (
             ()
             if ANY_LANGUAGE in self.root

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import Final
 
-_LONGEST_EXACT: Final = 500  # lines; beyond, lines that are everywhere say nothing: with them it could take minutes
+_MAX_EXACT_LINES: Final = 500  # lines; in longer texts, frequent lines are not anchors, or a merge takes minutes
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def merged(base: str, theirs: str, mine: str) -> list[str | TextConflict]:
 
 def _edits(base: Sequence[str], text: str, is_mine: bool) -> Iterator[_Edit]:
     lines = text.splitlines(keepends=True)
-    matcher = SequenceMatcher(None, base, lines, autojunk=len(lines) > _LONGEST_EXACT)
+    matcher = SequenceMatcher(None, base, lines, autojunk=len(lines) > _MAX_EXACT_LINES)
     for kind, start, end, first, last in matcher.get_opcodes():
         if kind == "replace" and end - start == last - first:
             for place, line in zip(range(start, end), lines[first:last], strict=True):

@@ -39,7 +39,7 @@ _PATTERNS = {
     r"^[a-z][a-z0-9_]{0,39}$": "Use up to 40 small letters, digits and _, a letter first.",
     r"^[a-z][a-z0-9_-]{0,39}$": "Use up to 40 small letters, digits, - and _, a letter first.",
 }
-_LONGEST_INPUT = 40
+_MAX_INPUT_LENGTH = 40
 
 
 def mistakes(error: ValidationError, nearest: Callable[[Path], Path]) -> Iterator[Problem]:
@@ -78,4 +78,4 @@ def _problem(error: Any, nearest: Callable[[Path], Path]) -> Problem:
 
 def _shortened(value: Any) -> str:
     words = repr(value)
-    return words if len(words) <= _LONGEST_INPUT else f"{words[:_LONGEST_INPUT]} ..."
+    return words if len(words) <= _MAX_INPUT_LENGTH else f"{words[:_MAX_INPUT_LENGTH]} ..."

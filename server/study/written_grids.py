@@ -39,7 +39,7 @@ def _entries(node: yaml.Node | None) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
 
 
 def _written(grid: str, column: int | None) -> str:
-    """The key `grid` in front of the key `name`: in braces as one quoted text, else as a block of rows."""
+    """Return the key `grid` in front of the key `name`: in braces as one quoted text, else as a block of rows."""
     if column is None:
         return f"grid: {json.dumps(grid)}, "
     rows = "".join(f"{' ' * (column + 2)}{row}\n" for row in grid.splitlines())

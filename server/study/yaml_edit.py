@@ -34,7 +34,7 @@ class _Composer(StudyComposer):
 
 
 def put(text: str, path: Path, value: Any, *, plain: bool = False) -> str:
-    """Make the value at `path` equal to `value`; blocks on the way are made. `plain`: a number or true/false that is
+    """Make the value at `path` equal to `value`; missing blocks above it are made. `plain`: a number or true/false,
     given as the text to write. Raises StudyError for a text that cannot be read, YamlEditError."""
     root = _compose(text)
     known, rest = _deepest(root, path)
@@ -59,7 +59,7 @@ def put(text: str, path: Path, value: Any, *, plain: bool = False) -> str:
 
 
 def _unquoted(value: Any) -> Any:
-    """The number, or true or false, that a text stands for; any other text as it is."""
+    """Return the number, or true or false, that a text stands for; any other text as it is."""
     try:
         read = yaml.safe_load(value) if isinstance(value, str) else value
     except yaml.YAMLError:
@@ -68,7 +68,7 @@ def _unquoted(value: Any) -> Any:
 
 
 def has(text: str, path: Path) -> bool:
-    """Whether there is a value at `path`. Raises StudyError."""
+    """Return whether there is a value at `path`. Raises StudyError."""
     return not _deepest(_compose(text), path)[1]
 
 
@@ -150,11 +150,11 @@ def _compose(text: str) -> yaml.MappingNode:
 
 
 def _at(root: yaml.Node, path: Path) -> Any:
-    """The node at a path. Raises YamlEditError where there is none, or where it stands elsewhere."""
+    """Return the node at a path. Raises YamlEditError where there is none, or where it stands elsewhere."""
     node = root
     for piece in path:
         if is_alias(node):
-            raise YamlEditError("this value stands at another place of the file (an alias). Change it in the YAML.")
+            raise YamlEditError("this value is defined elsewhere in the file (an alias). Change it in the YAML.")
         found = entry(node, piece)
         if found is None:
             raise YamlEditError(f"the file has no {'.'.join(map(str, path))}. Reload the page.")
@@ -221,7 +221,7 @@ def _replaced(text: str, root: yaml.Node, path: Path, value: Any, plain: bool) -
 
 
 def _after_mark(text: str, node: yaml.Node, parent: yaml.Node, piece: str | int) -> int:
-    """Where a value begins in its line: after the colon of its key, or after its dash."""
+    """Return where a value begins in its line: after the colon of its key, or after its dash."""
     if isinstance(parent, yaml.MappingNode):
         return text.index(":", parent.value[_index(parent, piece)][0].end_mark.index) + 1
     return text.rindex("-", 0, node.start_mark.index) + 1

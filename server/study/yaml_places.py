@@ -4,12 +4,12 @@ import yaml
 
 
 def is_alias(node: yaml.Node) -> bool:
-    """Whether it is an alias, which stands for a value at another place."""
+    """Return whether it is an alias, which stands for a value at another place."""
     return getattr(node, "is_alias", False)
 
 
 def entry(node: yaml.Node, piece: str | int) -> yaml.Node | None:
-    """What a block has under a key, or a list at a place; None if there is nothing."""
+    """Return what a block has under a key, or a list at a place; None if there is nothing."""
     if isinstance(node, yaml.MappingNode):
         return next((value for key, value in node.value if str(key.value) == piece), None)
     if isinstance(node, yaml.SequenceNode) and isinstance(piece, int) and 0 <= piece < len(node.value):
@@ -23,13 +23,13 @@ def line_start(text: str, at: int) -> int:
 
 
 def line_end(text: str, at: int) -> int:
-    """Where the line's end is, before its line break."""
+    """Return where the line's end is, before its line break."""
     found = text.find("\n", at)
     return len(text) if found < 0 else found
 
 
 def value_end(text: str, node: yaml.Node) -> int:
-    """Where a value ends. PyYAML's own mark of a block lies behind the comments that follow it."""
+    """Return where a value ends. PyYAML's own mark of a block lies behind the comments that follow it."""
     begin, end = int(node.start_mark.index), int(node.end_mark.index)
     if is_alias(node):
         return end
@@ -45,7 +45,7 @@ def value_end(text: str, node: yaml.Node) -> int:
 
 
 def segments(text: str, node: yaml.Node) -> list[tuple[int, int]]:
-    """Where each entry of a block or a list begins (its key, its dash or itself) and ends."""
+    """Return where each entry of a block or a list begins (its key, its dash or itself) and ends."""
     if isinstance(node, yaml.MappingNode):
         return [(key.start_mark.index, value_end(text, value)) for key, value in node.value]
     if not isinstance(node, yaml.SequenceNode):
@@ -62,7 +62,7 @@ def segments(text: str, node: yaml.Node) -> list[tuple[int, int]]:
 
 
 def _dash(text: str, begin: int, column: int) -> int:
-    """The next dash of a list, from the beginning of a line on."""
+    """Return the next dash of a list, from the beginning of a line on."""
     while text[begin : begin + column].strip() or text[begin + column : begin + column + 1] != "-":
         end = line_end(text, begin)
         if end >= len(text):

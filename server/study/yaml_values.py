@@ -10,7 +10,7 @@ Change = Callable[[Any], Any]
 
 
 def as_read(value: Any) -> Any:
-    """A value as the loader reads what is written for it: numbers and true/false as texts."""
+    """Return a value as the loader reads what is written for it: numbers and true/false as texts."""
     if isinstance(value, dict):
         return {str(key): as_read(one) for key, one in value.items()}
     if isinstance(value, list):

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import yaml
 
-LONGEST_LINE: Final = 110
+MAX_LINE_LENGTH: Final = 110
 INDENT: Final = 2
 _PLAIN: Final = re.compile(r"[^\W_]([^\n\r\t#:]|:(?! |$)|(?<! )#)*", re.UNICODE)
 _IN_FLOW: Final = re.compile(r"[,\[\]{}?:]")
@@ -28,13 +28,13 @@ def scalar(value: Any, *, flow: bool, plain: bool = False, quoted: bool = False)
 
 
 def _means_text(value: str) -> bool:
-    """Whether another YAML reader also takes the word for a text (not 007, 1:30 or no)."""
+    """Return whether another YAML reader also takes the word for a text (not 007, 1:30 or no)."""
     tag = _resolver.resolve(yaml.ScalarNode, value, (True, False))  # type: ignore[no-untyped-call]
     return bool(tag == "tag:yaml.org,2002:str")
 
 
 def inline(value: Any, *, plain: bool = False, quoted: bool = False) -> str:
-    """A value in flow style: {en: Words, zh: ...}."""
+    """Return a value in flow style: {en: Words, zh: ...}."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{scalar(str(key), flow=True)}: {inline(one)}" for key, one in value.items()) + "}"
     if isinstance(value, list):
@@ -43,13 +43,13 @@ def inline(value: Any, *, plain: bool = False, quoted: bool = False) -> str:
 
 
 def block(value: Any, column: int, *, plain: bool = False, quoted: bool = False, item: bool = False) -> str:
-    """What follows a colon or (`item`) a dash at `column`: a blank and one line, or a line break and a block."""
+    """Return what follows a colon or (`item`) a dash at `column`: a blank and one line, or a line break and a block."""
     if isinstance(value, str) and "\n" in value and _fits_literal(value):
         return " " + _literal(value, column + INDENT)
     if not isinstance(value, dict | list):
         return " " + scalar(value, flow=False, plain=plain, quoted=quoted)
     short = inline(value)
-    if not value or (len(short) + column <= LONGEST_LINE and _is_shallow(value)):
+    if not value or (len(short) + column <= MAX_LINE_LENGTH and _is_shallow(value)):
         return " " + short
     inner = column + INDENT
     lines = [f"{scalar(str(key), flow=True)}:{block(one, inner)}" for key, one in _pairs(value)]
@@ -65,7 +65,7 @@ def _pairs(value: Any) -> list[tuple[Any, Any]]:
 
 
 def _is_shallow(value: Any) -> bool:
-    """Whether it reads well on one line: words, or a block of words, and no line breaks."""
+    """Return whether it reads well on one line: words, or a block of words, and no line breaks."""
     children = list(value.values()) if isinstance(value, dict) else value
     return all(not isinstance(one, list) and (not isinstance(one, dict) or _is_shallow(one)) for one in children) and (
         "\\n" not in inline(value)
@@ -73,7 +73,7 @@ def _is_shallow(value: Any) -> bool:
 
 
 def _fits_literal(text: str) -> bool:
-    """Whether `|` can write it: the first line sets the indentation, and blanks at line ends get lost."""
+    """Return whether `|` can write it: the first line sets the indentation, and blanks at line ends get lost."""
     return not text.startswith((" ", "\n", "\t")) and bool(text.strip())
 
 

@@ -53,8 +53,8 @@ class CsrfProtection:
         return value == _FORM and abs(signer.get_timestamp() - made.timestamp()) <= FORM_S
 
     def is_own_origin(self, connection: HTTPConnection) -> bool:
-        """Whether a POST or a socket comes from our own pages. A client that is not a browser sends no Origin and may
-        pass: it does not send somebody's cookie unintentionally."""
+        """Return whether a POST or a socket comes from our own pages. A client that is not a browser sends no Origin
+        and may pass: it does not send somebody's cookie unintentionally."""
         origin = connection.headers.get("origin")
         if origin is None:
             return connection.headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")
@@ -92,7 +92,7 @@ def cookie_name(name: str, secure: bool) -> str:
 
 
 def token_of(connection: HTTPConnection) -> str | None:
-    """The participant's token, from the cookie."""
+    """Return the participant's token, from the cookie."""
     secure = services_of(connection).web.csrf.secure
     token = connection.cookies.get(cookie_name(COOKIE, secure), "")
     return token if 20 <= len(token) <= 200 else None

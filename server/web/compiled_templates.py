@@ -39,7 +39,7 @@ class CompiledTemplates(jinja2.BytecodeCache):
 
 
 def compiled_templates() -> CompiledTemplates | None:
-    """The cache, if this process may write compiled code."""
+    """Return the cache, if this process may write compiled code."""
     may_write = not sys.dont_write_bytecode and os.access(FOLDER, os.W_OK)
     return CompiledTemplates() if may_write else None
 

@@ -47,7 +47,7 @@ class Web:
 
 @cache
 def templates(root: str = "") -> jinja2.Environment:
-    """The templates: escaped, and a missing name is an error. One for the process: compiling them takes a while.
+    """Return the templates: escaped, and a missing name is an error. One for the process: compiling them takes a while.
 
     `root`: the path of the public address, which every address in a page begins with.
     """
@@ -189,7 +189,7 @@ class PageResponse:
         response.headers.update(policy(host, self.web.csrf.secure, **more))
 
     def _token(self) -> Markup:
-        """The hidden field that every form needs (auth.py)."""
+        """Return the hidden field that every form needs (auth.py)."""
         return Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, self._form_token())
 
     def _form_token(self) -> str:

@@ -10,9 +10,9 @@ from fastapi import HTTPException, Request
 from server.study.answer_checks import CONTROL
 from server.web.auth import FORM_FIELD, NOBODY, CsrfProtection, session_of
 
-LARGEST_FORM_BYTES = 128 * 1024
+MAX_FORM_BYTES = 128 * 1024
 FORM_TIMEOUT_S = 30.0
-MOST_FIELDS = 300
+MAX_FIELDS = 300
 
 Form = Mapping[str, list[str]]
 
@@ -23,14 +23,16 @@ async def read_form(
     session: str | None = None,
     was_nobodys: Callable[[Form], bool] | None = None,
     controls: bool = False,
-    largest: int = LARGEST_FORM_BYTES,
+    largest: int = MAX_FORM_BYTES,
 ) -> Form:
-    """All values by field name, with line ends as one newline and otherwise as they were written. Refuses (413, 400,
-    403) what is too large, unreadable, or not from our own pages. `session`: what the form was made for; None: the
+    """Return all values by field name, with line ends as one newline and otherwise as they were written. Refuses (413,
+    400, 403) what is too large, unreadable, or not from our own pages. `session`: what the form was made for; None: the
     participant's. `was_nobodys`: whether the form may have been made before there was a session. `controls`: the caller
     deals with control characters itself. `largest`: how many bytes the form may have."""
     if not csrf.is_own_origin(request):
-        raise HTTPException(403, "this form was not sent by our own page")
+        raise HTTPException(
+            403, "The form was not sent by a page of this server. Open the page again and send it from there."
+        )
     body = await body_of(request, largest)
     # Not `Request.form()`: Starlette needs python-multipart even for this encoding, does not limit the time that a form
     # takes, and accepts bytes that are not UTF-8.
@@ -39,7 +41,7 @@ async def read_form(
     if was_nobodys is not None and was_nobodys(form):
         sessions.append(NOBODY)
     if not any(csrf.is_own_form(first(form, FORM_FIELD), one) for one in sessions):
-        raise HTTPException(403, "the form is too old or not ours")
+        raise HTTPException(403, "The form has expired or is not from this server. Reload the page.")
     found = {name: [_newlines(value) for value in values] for name, values in form.items()}
     for name, values in found.items() if not controls else ():
         if any(CONTROL.search(value) for value in values):
@@ -55,14 +57,14 @@ def _is_json(request: Request) -> bool:
 
 def _form_fields(body: bytes) -> dict[str, list[str]]:
     try:
-        return parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
+        return parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MAX_FIELDS, errors="strict")
     except ValueError:  # also UnicodeDecodeError
         raise HTTPException(400, "The form body is not valid UTF-8.") from None
 
 
 def _json_fields(body: bytes) -> dict[str, list[str]]:
-    """The fields of an object: texts, numbers, true (a ticked box), lists, and objects, whose fields get its name and a
-    dot before theirs. What is null or false was not filled in."""
+    """Return the fields of an object: texts, numbers, true (a ticked box), lists, and objects, whose fields get its
+    name and a dot before theirs. What is null or false was not filled in."""
     try:
         given = msgspec.json.decode(body)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -77,8 +79,8 @@ def _json_fields(body: bytes) -> dict[str, list[str]]:
             texts = [_text(key, each) for each in values if each is not None and each is not False]
             if texts:
                 fields[key] = texts
-    if sum(map(len, fields.values())) > MOST_FIELDS:
-        raise HTTPException(400, f"a form has at most {MOST_FIELDS} fields")
+    if sum(map(len, fields.values())) > MAX_FIELDS:
+        raise HTTPException(400, f"a form has at most {MAX_FIELDS} fields")
     return fields
 
 
@@ -93,7 +95,7 @@ def _text(name: str, value: object) -> str:
 
 
 async def body_of(request: Request, largest: int, what: str = "form") -> bytes:
-    """The body of a request. Answers 413 if it is too large, 408 if it takes too long."""
+    """Return the body of a request. Answers 413 if it is too large, 408 if it takes too long."""
     body = bytearray()
     try:
         async with asyncio.timeout(FORM_TIMEOUT_S):
@@ -109,15 +111,15 @@ async def body_of(request: Request, largest: int, what: str = "form") -> bytes:
 
 
 def first(form: Form, name: str) -> str:
-    """The field's first value, empty where there is none."""
+    """Return the field's first value, empty where there is none."""
     return form.get(name, [""])[0]
 
 
 def whole_number(form: Form, name: str) -> int:
-    """The field as a number from 0 on. Answers 400 for anything else."""
+    """Return the field as a number from 0 on. Answers 400 for anything else."""
     text = first(form, name)
     if not (text.isascii() and text.isdigit() and len(text) < 10):
-        raise HTTPException(400, f"the form lacks its {name}")
+        raise HTTPException(400, f"The form has no valid {name}. Reload the page.")
     return int(text)
 
 

@@ -36,8 +36,8 @@ BROWSER: Final = "browser"
 BROWSER_PATH: Final = "/admin/login"
 BROWSER_S: Final = 180 * 24 * 3600
 AT_ONCE: Final = 2  # each check of a password takes 64 MiB
-MOST_WAITING: Final = 64
-MOST_WAITING_OF_ONE: Final = 32
+MAX_WAITING: Final = 64
+MAX_WAITING_OF_ONE: Final = 32
 
 
 class Busy(Exception):
@@ -63,8 +63,8 @@ class Hashing:
     def place(self, origin: Origin) -> Iterator[None]:
         """Hold a place in the queue. Raises Busy. Unknown browsers cannot take the places of known browsers."""
         of_unknown = sum(count for who, count in self._waiting.items() if who.kind != PASSWORD_OF_KNOWN)
-        full = origin.kind != PASSWORD_OF_KNOWN and of_unknown >= MOST_WAITING
-        if full or self._waiting[origin] >= MOST_WAITING_OF_ONE:
+        full = origin.kind != PASSWORD_OF_KNOWN and of_unknown >= MAX_WAITING
+        if full or self._waiting[origin] >= MAX_WAITING_OF_ONE:
             raise Busy
         self._waiting[origin] += 1
         try:
@@ -108,7 +108,7 @@ async def _give_back(web: Web, reserved: Reserved) -> None:
     await web.database.write(attempts.release, reserved)
 
 
-def stranger(web: Web, connection: HTTPConnection, kind: str) -> Origin:
+def origin_of_address(web: Web, connection: HTTPConnection, kind: str) -> Origin:
     """Return the origin of a client identified by its address only."""
     return Origin(kind, keyed(web, "address", address_of(connection)))
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from models.inference.runner import ModelServer
 
 router = APIRouter()
-READY_WITHIN_S: Final = 3.0  # less than the 4 s that the health check of docker-compose.yml waits
+READY_TIMEOUT_S: Final = 3.0  # less than the 4 s that the health check of docker-compose.yml waits
 _PROVED_FOR_S: Final = 1.0  # at most one test commit a second, however many requests there are
 _MEMORY: Final = Path("/proc/self/statm")
 _FILES: Final = Path("/proc/self/fd")
@@ -89,12 +89,12 @@ class Commits:
         self._made_at = -_PROVED_FOR_S
 
     async def succeed(self, database: Database) -> bool:
-        """Return whether a test commit succeeds within READY_WITHIN_S; everybody who asks shares it."""
+        """Return whether a test commit succeeds within READY_TIMEOUT_S; everybody who asks shares it."""
         over = self._proof is None or (self._proof.done() and time.monotonic() - self._made_at >= _PROVED_FOR_S)
         if self._proof is None or over:
             self._proof = asyncio.create_task(self._prove(database))
         try:
-            async with asyncio.timeout(READY_WITHIN_S):
+            async with asyncio.timeout(READY_TIMEOUT_S):
                 return await asyncio.shield(self._proof)
         except TimeoutError:
             return False

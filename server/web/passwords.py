@@ -6,7 +6,7 @@ from functools import cache
 from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerificationError
 
-SHORTEST, LONGEST = 10, 200
+MIN_LENGTH, MAX_LENGTH = 10, 200
 _ROWS = ("01234567890123456789", "qwertyuiopasdfghjklzxcvbnm", "abcdefghijklmnopqrstuvwxyz", "1q2w3e4r5t6y7u8i9o0p")
 # The long words from lists of the most common passwords, to which people often append digits.
 _COMMON = frozenset(
@@ -28,7 +28,7 @@ _hasher = PasswordHasher()  # RFC 9106, low memory: 64 MiB, 3 passes
 
 
 def hashed(password: str) -> str:
-    """What is stored."""
+    """Return what is stored."""
     return _hasher.hash(password)
 
 
@@ -36,8 +36,8 @@ def weakness(password: str, name: str) -> str | None:
     """Return why this password is easy to guess; None if it is not."""
     plain = re.sub(r"[^a-z0-9]", "", password.lower())
     letters = plain.rstrip("0123456789")
-    if not SHORTEST <= len(password) <= LONGEST:
-        return f"a password has {SHORTEST} to {LONGEST} characters"
+    if not MIN_LENGTH <= len(password) <= MAX_LENGTH:
+        return f"a password has {MIN_LENGTH} to {MAX_LENGTH} characters"
     if len(set(password)) < 5:
         return "it has fewer than 5 different characters"
     if name.lower() in password.lower() or "kitchenmind" in plain:

@@ -26,7 +26,7 @@ PER_S: Final = 10.0  # of one participant
 BURST: Final = 100.0
 ADDRESS_PER_S: Final = 100.0  # of all behind one address
 ADDRESS_BURST: Final = 2000.0
-_MOST_REMEMBERED: Final = 10_000
+_MAX_REMEMBERED: Final = 10_000
 _LARGE_SITE: Final = 4  # addresses' worth of new participants that a whole IPv6 site may bring
 
 
@@ -41,7 +41,7 @@ class Rates:
         now = time.monotonic()
         bucket = self._buckets.setdefault(key, TokenBucket(now, 1.0, per_s, burst))
         self._buckets.move_to_end(key)
-        if len(self._buckets) > _MOST_REMEMBERED:
+        if len(self._buckets) > _MAX_REMEMBERED:
             self._buckets.popitem(last=False)
         return bucket.spend(now)
 

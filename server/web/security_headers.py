@@ -67,7 +67,7 @@ def policy(
 ) -> dict[str, str]:
     """Return the page's own content security policy.
 
-    A recruiter may get its form (`form_to`) or show the page in a frame (`framed_by`, which browsers heed rather than
+    A recruiter may get its form (`form_to`) or show the page in a frame (`framed_by`, which browsers prefer to
     X-Frame-Options). OURSELVES: a page of ours may show it in a frame, or it may show one of ours (`frames`). Raises
     ValueError for anything that is not a plain origin: a policy is one line of text, so a space or a semicolon in a
     value would rewrite the rest of it.

@@ -55,7 +55,7 @@ def test_hedges_g_is_the_difference_over_the_pooled_deviation_times_the_gamma_co
     assert effects.hedges_g(first, second).value == pytest.approx(correction * d, rel=1e-12)
 
 
-def test_bounds_of_g_are_where_the_observed_t_is_just_a_surprise() -> None:
+def test_bounds_of_g_are_where_the_observed_t_is_just_significant() -> None:
     g = effects.hedges_g(MANUAL, AUTOMATIC)
     t = stats.ttest_ind(MANUAL, AUTOMATIC).statistic
     scale = math.sqrt(1 / 13 + 1 / 19) * math.gamma(15) / (math.sqrt(15) * math.gamma(14.5))
@@ -96,7 +96,7 @@ def test_cliffs_delta_counts_pairs() -> None:
     assert -1 <= delta.low < delta.value < delta.high < 0
 
 
-def test_the_interval_of_cliffs_delta_covers_the_truth_about_as_often_as_it_says() -> None:
+def test_the_interval_of_cliffs_delta_covers_the_truth_about_as_often_as_its_level() -> None:
     generator = np.random.default_rng(3)
     truth = 2 * stats.norm.cdf(0.5 / math.sqrt(2)) - 1
     found = [effects.cliffs_delta(generator.normal(0.5, 1, 30), generator.normal(0, 1, 30)) for _ in range(400)]
@@ -129,7 +129,7 @@ def test_a_mean_comes_with_students_interval() -> None:
         ([np.array([3.0, 3]), np.array([5.0, 5])], "no variance within the conditions"),
     ],
 )
-def test_what_cannot_be_compared_says_why(groups: list[effects.Values], reason: str) -> None:
+def test_impossible_comparisons_give_a_reason(groups: list[effects.Values], reason: str) -> None:
     assert effects.can_compare(groups) == reason
 
 

@@ -67,7 +67,7 @@ def people(centre: float, spread: float) -> np.ndarray:
         (3.0, 25.0, "not shown", "neither a difference between random predictions and no prediction nor equivalence"),
     ],
 )
-def test_the_sentence_claims_what_was_shown(shift: float, spread: float, found: str, words: str) -> None:
+def test_the_sentence_agrees_with_the_finding(shift: float, spread: float, found: str, words: str) -> None:
     pair = claim_rows(BASE, PAIR, people(60 + shift, spread), people(60, spread), 5.0)
     assert outcome(*pair) == found
     (sentence,) = equivalence_sentences(pair)

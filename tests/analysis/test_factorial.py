@@ -164,7 +164,7 @@ def test_a_study_without_factors_has_no_such_section(planted_folder: Path) -> No
         (([1.0, 1.0], [2.0, 2.0], [3.0, 3.0], [4.0, 4.0]), "the values do not vary within the combinations"),
     ],
 )
-def test_what_cannot_be_computed_says_why(values: Sequence[Sequence[float]], words: str) -> None:
+def test_results_that_cannot_be_computed_give_a_reason(values: Sequence[Sequence[float]], words: str) -> None:
     rows = factorial.of_measure(FactorialCells(TWO, tuple(np.array(part, dtype=np.float64) for part in values)), "")
     tests = [row for row in rows if row.test == "anova"]
     assert tests
@@ -189,9 +189,7 @@ DESIGN = PowerDesign(person_sd=8, residual_sd=12, episodes=4)
         ),
     ],
 )
-def test_power_is_how_often_the_report_s_own_test_finds_the_effect(
-    levels: dict[str, int], term: tuple[str, ...]
-) -> None:
+def test_power_is_the_share_of_reports_that_find_the_effect(levels: dict[str, int], term: tuple[str, ...]) -> None:
     people, effect, studies = 6, 12.0 if len(term) == 1 else 28.0, 400
     names = {name: tuple(f"{name}{level}" for level in range(count)) for name, count in levels.items()}
     generator = np.random.default_rng(4)

@@ -112,7 +112,7 @@ def test_more_than_two_levels_are_the_mixed_model_of_statsmodels_with_box_s_corr
 
 
 @pytest.mark.parametrize("term", [("prediction",), ("opacity",), ("prediction", "opacity")])
-def test_power_is_how_often_the_report_s_own_test_finds_the_effect(term: tuple[str, ...]) -> None:
+def test_power_is_the_share_of_reports_that_find_the_effect(term: tuple[str, ...]) -> None:
     design, levels = PowerDesign(person_sd=8, residual_sd=12, episodes=8), {"prediction": 2, "opacity": 2}
     power = factorial_power.EffectPower(design, levels, term, within=("prediction",))
     effect = {("prediction",): 4.5, ("opacity",): 8.0}.get(term, 9.0)
@@ -135,7 +135,7 @@ def test_power_is_how_often_the_report_s_own_test_finds_the_effect(term: tuple[s
     assert abs(found / studies - exact) < 4 * math.sqrt(exact * (1 - exact) / studies)
 
 
-def test_what_cannot_be_computed_says_why() -> None:
+def test_results_that_cannot_be_computed_give_a_reason() -> None:
     empty = RepeatedCells(TWO, ("prediction",), ((("off",), np.array([[1.0, 2.0]])),))
     (row,) = factorial_within.of_repeated(empty, "")
     assert row.note == "nobody has values in all blocks with opacity on"

@@ -63,7 +63,7 @@ def test_the_published_tests_would_have_claimed_more_often(null_studies: list[Sa
         assert alarms > 0.15 * STUDIES, test
 
 
-def test_intervals_of_answers_cover_the_truth_as_often_as_they_say(null_studies: list[Said]) -> None:
+def test_intervals_of_answers_cover_the_truth_as_often_as_their_level(null_studies: list[Said]) -> None:
     rows = [row for said in null_studies for row in select(said.rows, section="questionnaire", test="mean")]
     truth = np.mean([row.estimate for row in rows])
     assert np.mean([row.estimate_low <= truth <= row.estimate_high for row in rows]) == pytest.approx(0.95, abs=0.015)

@@ -138,7 +138,7 @@ def test_before_the_first_look_the_primary_test_is_not_computed() -> None:
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_the_report_says_which_look_it_is(planted_folder: Path, tmp_path: Path) -> None:
+def test_the_report_names_its_interim_look(planted_folder: Path, tmp_path: Path) -> None:
     text = "primary: {comparison: [tom, none], looks: [20, 60], spending: pocock}\n"
     made = write_report(declaring(planted_folder, tmp_path / "data", text), tmp_path / "out", QUICK)
     page = made.page.read_text(encoding="utf-8")

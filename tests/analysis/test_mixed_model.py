@@ -101,7 +101,7 @@ def anova_se(episodes: pl.DataFrame) -> float:
     return math.sqrt(mean_square / SIZE * (1 / tom.sum() + 1 / (~tom).sum()))
 
 
-def test_every_fit_of_fifty_is_exact_where_closed_formulas_tell() -> None:
+def test_every_fit_of_fifty_is_exact_where_there_are_closed_formulas() -> None:
     for seed in range(50):
         episodes = study(seed)
         row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]
@@ -182,7 +182,7 @@ def test_people_who_always_earn_the_same_give_a_reason() -> None:
 
 def test_conditions_that_played_with_different_agents_give_a_reason() -> None:
     episodes = study(1).filter((pl.col("condition") == "tom") == (pl.col("agent") == "sp"))
-    assert "cannot be told apart" in reasons(mixed_model.fit(episodes, "reward", CONDITIONS))[0]
+    assert "cannot be separated" in reasons(mixed_model.fit(episodes, "reward", CONDITIONS))[0]
 
 
 def test_a_search_that_does_not_settle_gives_a_reason_and_no_variance(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -136,13 +136,13 @@ def test_one_layout_or_agent_has_no_simple_effects(episodes: pl.DataFrame) -> No
     assert {row.layout for row in rows} == {"all"}
 
 
-def test_checks_that_cannot_be_computed_say_why(episodes: pl.DataFrame) -> None:
+def test_checks_that_cannot_be_computed_give_a_reason(episodes: pl.DataFrame) -> None:
     one = episodes.filter(pl.col("condition") == "tom")
     (row,) = model_checks.model_rows(one, CONDITIONS)
     assert "needs two conditions" in row.note
     mixed = episodes.filter((pl.col("condition") == "tom") == (pl.col("agent") == "sp"))
     notes = {row.test: row.note for row in model_checks.model_rows(mixed, ("none", "tom"))}
-    assert all("cannot be told apart" in notes[test] for test in ("cluster_robust", "random_slopes"))
+    assert all("cannot be separated" in notes[test] for test in ("cluster_robust", "random_slopes"))
     same = episodes.with_columns(number=pl.col("layout").replace_strict({name: i for i, name in enumerate(LAYOUTS)}))
     notes = {row.test: row.note for row in model_checks.model_rows(same, CONDITIONS)}
     assert "came in the same order for all" in notes["with_round"]
@@ -174,7 +174,7 @@ def test_the_effects_of_the_checks_are_those_of_the_mixed_model(episodes: pl.Dat
             assert ours.estimate == pytest.approx(theirs.estimate, abs=theirs.se)
 
 
-def test_sentences_of_the_checks_say_what_they_found(rows: list[Result]) -> None:
+def test_sentences_of_the_checks_agree_with_the_results(rows: list[Result]) -> None:
     plain = Result("mixed model", "fixed_effect", contrast=TOM, estimate=20.0, p=0.001)
     (models, learning) = check_sentences(("tom", "none"), [plain, *rows])
     assert "between ToM predictions and no prediction was +" in models
@@ -189,7 +189,7 @@ def test_sentences_of_the_checks_say_what_they_found(rows: list[Result]) -> None
 
 
 @pytest.mark.parametrize(("p", "said"), [(0.01, True), (0.4, False)])
-def test_simple_effects_are_told_after_an_interaction_only(p: float, said: bool, episodes: pl.DataFrame) -> None:
+def test_simple_effects_are_reported_after_an_interaction_only(p: float, said: bool, episodes: pl.DataFrame) -> None:
     simple = model_checks.simple_effects(episodes, ("tom", "none"), LAYOUTS, AGENTS)
     interaction = Result("reward", "contrast_by_layout", p=p, p_adjusted=p)
     found = check_sentences(("tom", "none"), [interaction, *simple])

@@ -14,7 +14,7 @@ from analysis.ordinal_fit import OrdinalData, OrdinalFitError
 from analysis.results import select
 from tests.support.simulation import CONDITIONS, World, episodes_of
 
-# Bitterness of wine, 1 to 5 (Randall 1989, table 5). Rows: bottles 1 to 8; columns: judges 1 to 9.
+# Bitterness of wine, 1 to 5 (Randall 1989, table 5). Rows: bottles 1 to 8; columns: the nine raters.
 BITTERNESS = np.array(
     [
         [2, 1, 2, 3, 2, 3, 1, 2, 1],  # cold, no contact
@@ -141,7 +141,7 @@ def test_the_contrasts_do_not_depend_on_which_condition_comes_first(answers: pl.
         assert other == pytest.approx((estimate, se), abs=2e-3)
 
 
-def test_answers_that_cannot_be_fitted_say_why(answers: pl.DataFrame) -> None:
+def test_answers_that_cannot_be_fitted_give_a_reason(answers: pl.DataFrame) -> None:
     one = answers.filter(pl.col("question") == "efficiency")
 
     def notes(table: pl.DataFrame) -> list[str]:
@@ -167,9 +167,9 @@ def test_the_mode_of_a_person_far_from_the_others_is_found() -> None:
     assert [row.contrast for row in select(rows, test="odds")] == ["tom - none", "tom - random", "random - none"]
 
 
-def test_a_flat_likelihood_is_no_fit() -> None:
+def test_a_flat_likelihood_is_not_a_fit() -> None:
     twice = replace(WINE, x=np.repeat(WINE.x, 2, axis=1))
-    with pytest.raises(OrdinalFitError, match="cannot be told apart"):
+    with pytest.raises(OrdinalFitError, match="cannot be separated"):
         ordinal_fit.fit(twice)
 
 

@@ -55,7 +55,7 @@ def test_without_a_difference_power_is_alpha() -> None:
     assert nothing.comparison <= nothing.some
 
 
-def test_rewards_vary_between_and_within_people_as_told() -> None:
+def test_rewards_vary_between_and_within_people_as_specified() -> None:
     rewards = simulate(DESIGN, 5.0, 200, 20, np.random.default_rng(1))
     assert rewards.shape == (20, 2, 200, 10)
     within = rewards.var(axis=-1, ddof=1).mean()

@@ -212,7 +212,7 @@ def test_a_damaged_declaration_is_refused_with_its_place(
     ],
 )
 @pytest.mark.parametrize("test", TESTS)
-def test_the_sentence_says_what_the_test_found(test: str, direction: str, sign: int, words: str) -> None:
+def test_the_sentence_agrees_with_the_test(test: str, direction: str, sign: int, words: str) -> None:
     declared = DeclaredTest("reward", ("tom", "none"), test, direction)
     around = np.array([58.0, 60, 62, 64, 66, 68, 70])
     row = primary.compared(declared, around + 20 * sign, around + 0.5)
@@ -222,7 +222,7 @@ def test_the_sentence_says_what_the_test_found(test: str, direction: str, sign: 
     assert "was significantly" not in primary_sentence(Declaration(doubt), (row,)), "the declared alpha decides"
 
 
-def test_a_primary_test_without_data_says_why() -> None:
+def test_a_primary_test_without_data_gives_the_reason() -> None:
     declared = DeclaredTest("reward", ("tom", "none"))
     row = primary.compared(declared, np.array([1.0]), np.array([]))
     assert math.isnan(row.p)

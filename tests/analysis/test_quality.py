@@ -69,7 +69,7 @@ def test_reasons_to_drop_come_first_and_all_are_named() -> None:
     assert proposed(idle_share=0.7, hidden_share=0.5) == ("drop", "hidden, idle")
 
 
-def test_what_was_not_recorded_is_no_reason() -> None:
+def test_missing_measures_do_not_exclude_an_episode() -> None:
     assert proposed(lag_ms=None, idle_share=None, interactions=None) == ("keep", "")
 
 

@@ -117,7 +117,7 @@ def test_the_same_data_give_the_same_numbers_and_fingerprint(
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_csv_files_say_the_same_as_parquet(report: Report, planted_folder: Path, tmp_path: Path) -> None:
+def test_csv_files_have_the_same_values_as_parquet(report: Report, planted_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
     for path in planted_folder.glob("*.parquet"):
@@ -241,7 +241,7 @@ def test_the_verb_writes_a_report_about_the_chosen_layouts_and_names_it(
 
 
 @pytest.mark.parametrize("missing", ["episodes", "ticks"])
-def test_a_folder_that_is_no_export_ends_with_status_two(
+def test_a_folder_that_is_not_an_export_ends_with_status_two(
     missing: str, planted_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = copied(planted_folder, tmp_path / "data", lambda name, table: None if name == missing else table)
@@ -259,7 +259,7 @@ def test_a_missing_column_is_named_with_its_file(planted_folder: Path, tmp_path:
         read_export(copied(planted_folder, tmp_path / "data", change))
 
 
-def test_sentences_say_what_the_rows_say(report: Report) -> None:
+def test_sentences_agree_with_the_rows(report: Report) -> None:
     said = apa_text.sentences(report.analysis)
     row = select(report.analysis.rows, test="kruskal_wallis", agent="sp")[0]
     assert f"<i>H</i>(2, <i>n</i> = {row.n}) = {row.statistic:.2f}, <i>p</i> < .001" in said[1]

@@ -122,7 +122,7 @@ DRAWN = ("nothing", "one soup once", "not recorded")  # the oddest axes; the fig
 
 
 @pytest.mark.parametrize("case", CONSTANT)
-def test_every_test_that_cannot_be_computed_says_why_and_the_rest_is_written(
+def test_every_test_that_cannot_be_computed_gives_its_reason_and_the_rest_is_written(
     case: str, small: Path, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     if case not in DRAWN:
@@ -160,7 +160,7 @@ def test_without_a_fitted_model_there_is_no_sentence_and_no_power_curve(small: P
         return table.filter(own) if name == "episodes" else table
 
     made = reported(small, tmp_path, change)
-    assert "cannot be told apart" in select(made.analysis.rows, test="fixed_effect")[0].note
+    assert "cannot be separated" in select(made.analysis.rows, test="fixed_effect")[0].note
     assert made.analysis.powers == ()
     assert not any("mixed model" in text for text in apa_text.sentences(made.analysis))
 
@@ -300,7 +300,7 @@ def test_the_command_in_the_report_makes_the_report_again(
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_draws_and_the_number_of_corrected_tests_are_told(small: Path, tmp_path: Path) -> None:
+def test_draws_and_the_number_of_corrected_tests_are_reported(small: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         if name != "episodes":
             return table

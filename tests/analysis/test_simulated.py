@@ -37,7 +37,7 @@ def test_simulated_participants_are_left_out_where_there_are_people(mixed: tuple
     assert export.simulated_left_out == 15 - len(people)
 
 
-def test_a_report_on_people_says_how_many_simulated_participants_it_leaves_out(
+def test_a_report_on_people_gives_the_number_of_omitted_simulated_participants(
     mixed: tuple[Path, list[str]], tmp_path: Path
 ) -> None:
     folder, people = mixed
@@ -48,7 +48,7 @@ def test_a_report_on_people_says_how_many_simulated_participants_it_leaves_out(
     assert set(report.analysis.episodes["participant"]) <= set(people)
 
 
-def test_every_figure_of_a_rehearsal_says_that_it_is_simulated(tmp_path: Path) -> None:
+def test_every_figure_of_a_rehearsal_is_labelled_as_simulated(tmp_path: Path) -> None:
     write_export(Truth(participants=5, timesteps=20), tmp_path / "export")
     report = write_report(tmp_path / "export", tmp_path / "report", QUICK)
     figures = list((tmp_path / "report" / "figures").glob("*.svg"))
@@ -86,7 +86,7 @@ def test_people_who_withdrew_are_not_counted_in_a_rehearsal(tmp_path: Path) -> N
     assert read_export(tmp_path).withdrawals["simulated"].to_list() == [True]
 
 
-def test_csv_says_it_in_words(mixed: tuple[Path, list[str]], tmp_path: Path) -> None:
+def test_csv_has_words_instead_of_codes(mixed: tuple[Path, list[str]], tmp_path: Path) -> None:
     folder, people = mixed
     for path in folder.glob("*.parquet"):
         pl.read_parquet(path).write_csv(tmp_path / f"{path.stem}.csv")

@@ -53,7 +53,7 @@ def one(column: str, text: str | None) -> pl.Expr:
         ("ticks", "late", "maybe", "row 3, column late: maybe is not true or false"),
     ],
 )
-def test_a_cell_that_cannot_be_right_is_named(
+def test_an_impossible_cell_is_named(
     exported: Path, tmp_path: Path, table: str, column: str, text: str | None, problem: str
 ) -> None:
     folder = edited(exported, tmp_path / "edited", table, one(column, text))
@@ -88,7 +88,7 @@ def test_blocks_are_analysed_without_the_study_file(exported: Path, tmp_path: Pa
 
 
 @pytest.mark.usefixtures("no_pictures", "quick_command")
-def test_the_report_says_which_tables_were_changed(
+def test_the_report_names_the_changed_tables(
     exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = edited(exported, tmp_path / "edited", "episodes")

@@ -1,4 +1,4 @@
-"""Every benchmark runs to its end in its quick form and prints what it measured. The figures are not judged."""
+"""Every benchmark runs to its end in its quick form and prints what it measured. The figures are not checked."""
 
 import importlib.util
 import io
@@ -54,7 +54,7 @@ def test_every_benchmark_has_a_quick_form() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in QUICK if "from tests" in source_of(name)])
-def test_a_benchmark_that_borrows_from_the_tests_finds_them(name: str) -> None:
+def test_a_benchmark_that_imports_test_helpers_finds_them(name: str) -> None:
     assert re.search(r"^sys\.path.*str\(ROOT\)", source_of(name), re.MULTILINE)
 
 

@@ -62,7 +62,9 @@ def test_the_interval_is_that_of_a_paired_t_test(foresight: ModuleType) -> None:
 
 def test_tables_say_what_is_not_yet_played(foresight: ModuleType) -> None:
     cell = foresight.Cell("matrix", "sp", "none")
-    figures = foresight.Summary({cell.name: {"points": [20, 40], "collisions": [1, 3], "accuracy": [np.nan] * 2}})
+    figures = foresight.ForesightSummary(
+        {cell.name: {"points": [20, 40], "collisions": [1, 3], "accuracy": [np.nan] * 2}}
+    )
     text = foresight.rendered(
         figures.figures() | {"processor": "x", "seed": 1, "version": 2}, {"fitted games": {}, "held-out games": {}}
     )

@@ -48,7 +48,7 @@ def test_every_game_of_every_condition_can_be_drawn_up(path: Path) -> None:
                 assert spec.predictor is not None
 
 
-def test_check_says_how_factors_are_crossed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_shows_how_factors_are_crossed(capsys: pytest.CaptureFixture[str]) -> None:
     assert kitchenmind.main(["study", "check", str(STUDIES / "examples" / "two_factors.yaml")]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "  factors      steps: one, three; opacity: off, on" in lines
@@ -86,7 +86,7 @@ def test_published_study_is_as_published() -> None:
     assert [question.conditions for question in questions] == ["all", "with_predictor", "all", "all"]
 
 
-def test_nobody_is_told_that_a_prediction_is_random(path: Path) -> None:
+def test_the_pages_do_not_reveal_that_predictions_are_random(path: Path) -> None:
     """Before the end, no text for participants contains the name of a condition."""
     study = load_study(path).study
     texts = [
@@ -108,7 +108,7 @@ def run(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]
     return code, captured.out, captured.err
 
 
-def test_check_says_what_a_good_study_is(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_summarises_a_valid_study(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = run("check", str(path), capsys=capsys)
     assert (code, err) == (0, "")
     assert f"{path} is a study: {path.stem}" in out
@@ -129,7 +129,7 @@ def test_check_says_what_a_good_study_is(path: Path, capsys: pytest.CaptureFixtu
         ("{name: sp_predictor_stream, predictor: random}", "agents.0.name", "cannot be used on coordination_ring"),
         ("{name: mine, model: mine.onnx, predictor: random}", "agents.0.model", "there is no file"),
         ("{name: sp, predictor: ./mine.onnx}", "agents.0.predictor", "there is no file"),
-        ("{name: mine, model: broken.onnx, predictor: random}", "agents.0.model", "is no ONNX model"),
+        ("{name: mine, model: broken.onnx, predictor: random}", "agents.0.model", "is not an ONNX model"),
         ("{name: sp, predictor: ./folder}", "agents.0.predictor", "there is no checkpoint in"),
         ("{name: sp, predictor: 'own:Missing'}", "agents.0.predictor", "has no class Missing"),
         ("{name: sp, predictor: 'unfinished:Other'}", "agents.0.predictor", "unfinished.py:2 is not valid Python"),

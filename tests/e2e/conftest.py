@@ -21,7 +21,7 @@ def shared_chromium() -> Iterator[SharedChromium]:
 
 @pytest.fixture(scope="module")
 def chromium(shared_chromium: SharedChromium) -> Iterator[Browser]:
-    """The browser of this worker. Each test opens a context of its own; none outlives the file."""
+    """The browser of this worker. Each test opens a separate context; none outlives the file."""
     with shared_chromium.in_use() as browser:
         yield browser
 

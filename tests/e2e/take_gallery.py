@@ -26,7 +26,7 @@ from sqlalchemy import select  # noqa: E402
 
 from analysis import apa_text  # noqa: E402
 from analysis.report import Report, write_report  # noqa: E402
-from server.bots.group import BotGroup, GroupOutcome, judge, simulate  # noqa: E402
+from server.bots.group import BotGroup, GroupOutcome, check_outcome, simulate  # noqa: E402
 from server.bots.local_server import QUICK, OwnServer, kitchenmind  # noqa: E402
 from server.store.database import Database  # noqa: E402
 from server.store.tables import episodes  # noqa: E402
@@ -39,7 +39,7 @@ SCREEN = {"width": 1366, "height": 900}
 FIGURES = ("reward", "questionnaire", "accuracy", "effect_sizes")
 WIDEST = 1400
 NOTE = """**Everything on this page is simulated.** The participants are programs (`kitchenmind bots`) that follow the
-rules in `server/bots/foresight` and `server/bots/answers.py`, built so that foresight can help. Their data are no
+rules in `server/bots/foresight` and `server/bots/answers.py`, built so that foresight can help. Their data are not
 evidence about people. The page shows what the tools produce, from the running dashboard to the report."""
 
 
@@ -75,7 +75,7 @@ def signed_in(chromium: Browser, server: OwnServer, study: str) -> Page:
 
 
 def walk(group: BotGroup, server: OwnServer, page: Page, out: Path) -> GroupOutcome:
-    """Run the bots through the study in a separate process; take a picture of the dashboard meanwhile."""
+    """Run the bots through the study in a separate process; take a picture of the dashboard while it runs."""
     words = [
         sys.executable,
         __file__,
@@ -98,7 +98,7 @@ def walk_here(number: int, url: str, database: str, study_file: str) -> None:
     group = BotGroup(number, load_study(study_file).study.name, load_study(study_file).study, DROPOUT, SEED)
     with Database(database, read_only=True) as kept:
         bots = asyncio.run(simulate(group, url, kept))
-        print(json.dumps(judge(bots, kept).__dict__))
+        print(json.dumps(check_outcome(bots, kept).__dict__))
 
 
 def take(page: Page, path: Path, full: bool = False) -> None:

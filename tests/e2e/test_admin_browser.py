@@ -46,7 +46,7 @@ MARK_PIXELS = """() => new Promise((done) => {
 def play_along(url: str) -> None:
     """A bot plays for as long as there is a server."""
     with contextlib.suppress(ConnectionError, OSError, httpx.HTTPError):
-        asyncio.run(Bot(url, "short", 1).walk())
+        asyncio.run(Bot(url, "short", 1).take_part())
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,7 @@ def test_a_running_game_is_watched_paused_and_resumed(page: Page) -> None:
     page.click("[data-ask=pause]")
     page.fill("dialog[open] [name=note]", "to see whether it stands still")
     page.click("dialog[open] .main")
-    expect(page.locator(".said")).to_have_text("The game is paused.")
+    expect(page.locator(".outcome")).to_have_text("The game is paused.")
     expect(page.locator("#now")).to_contain_text("Paused")
     is_accessible(page)
     page.click("[data-ask=resume]")

@@ -26,10 +26,10 @@ async def disappear(url: str) -> None:
     await bot.close()
 
 
-def test_a_disconnected_participant_is_told_to_the_chat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disconnected_participant_is_reported_to_the_webhook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     heard, arrived = [], threading.Event()
 
-    class Chat(BaseHTTPRequestHandler):
+    class AlertHandler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
             if "late" not in message["text"]:  # a machine that is busy with other tests may say so too
@@ -40,7 +40,7 @@ def test_a_disconnected_participant_is_told_to_the_chat(tmp_path: Path, monkeypa
 
         def log_message(self, *_: object) -> None: ...
 
-    chat = ThreadingHTTPServer(("127.0.0.1", 0), Chat)
+    chat = ThreadingHTTPServer(("127.0.0.1", 0), AlertHandler)
     threading.Thread(target=chat.serve_forever, daemon=True).start()
     monkeypatch.setenv("KITCHENMIND_ALERT_WEBHOOK", f"http://127.0.0.1:{chat.server_address[1]}/hook")
     with LiveServer(tmp_path, speed=3.0) as server:

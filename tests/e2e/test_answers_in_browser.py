@@ -7,7 +7,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from server.store import answers
 from tests.support.browser.game_page import screenshot
-from tests.support.page_site import Site
+from tests.support.page_site import PageSite
 from tests.support.study_text import study_head
 from tests.support.written_numbers import WRITTEN
 
@@ -35,13 +35,13 @@ flow: [first, introduction, thanks]
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("asked"), STUDY) as running:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
+    with PageSite(tmp_path_factory.mktemp("asked"), STUDY) as running:
         yield running
 
 
 @pytest.fixture
-def page(site: Site, chromium: Browser) -> Iterator[Page]:
+def page(site: PageSite, chromium: Browser) -> Iterator[Page]:
     context = chromium.new_context(viewport={"width": 1366, "height": 768}, locale="en-GB")
     page = context.new_page()
     page.goto(f"{site.url}/s/asked")
@@ -57,7 +57,7 @@ def chosen(page: Page, question: str) -> str | None:
     return found.get_attribute("value") if found.count() else None
 
 
-def stored(site: Site) -> dict[str, object]:
+def stored(site: PageSite) -> dict[str, object]:
     return site.database.read_now(answers.of_participant, site.everybody("asked")[-1].id)["first"]
 
 
@@ -143,14 +143,14 @@ def test_page_and_server_read_numbers_alike(page: Page) -> None:
     assert dict(zip(WRITTEN, page.evaluate(script, list(WRITTEN)), strict=True)) == WRITTEN
 
 
-def test_a_number_in_wide_digits_is_stored(site: Site, page: Page) -> None:
+def test_a_number_in_wide_digits_is_stored(site: PageSite, page: Page) -> None:
     fill_in(page, years="２５", share="１，５")
     page.click("#go")
     page.wait_for_selector("#slides")
     assert (stored(site)["years"], stored(site)["share"]) == (25, 1.5)
 
 
-def test_a_number_that_is_not_taken_says_why_before_it_is_sent(page: Page) -> None:
+def test_an_invalid_number_is_explained_before_it_is_sent(page: Page) -> None:
     fill_in(page)
     for field, text, words in (
         ("share", "1,200", "“1,200” can be read in two ways."),
@@ -171,7 +171,7 @@ def test_a_number_that_is_not_taken_says_why_before_it_is_sent(page: Page) -> No
     expect(page.locator("#slides")).to_be_visible()
 
 
-def test_words_reach_the_database_as_they_were_written(site: Site, page: Page) -> None:
+def test_words_reach_the_database_as_they_were_written(site: PageSite, page: Page) -> None:
     word, words = "\u3000a\u00a0b\U0001fae9", "\u3000\u3000一つ\n\u00a0\u2028二つ \U0001f9d1\u200d\U0001f373"
     fill_in(page, word=word, words=words)
     page.click("#go")
@@ -179,7 +179,7 @@ def test_words_reach_the_database_as_they_were_written(site: Site, page: Page) -
     assert (stored(site)["word"], stored(site)["words"]) == (word, words)
 
 
-def test_blanks_around_words_are_kept_also_when_the_page_comes_back(site: Site, page: Page) -> None:
+def test_blanks_around_words_are_kept_also_when_the_page_comes_back(site: PageSite, page: Page) -> None:
     word, words = "  two blanks ", "\n\n  after two lines\t\n"
     fill_in(page, word=word, words=words)
     page.evaluate("document.querySelector('[name=years]').value = ''; document.querySelector('#questions').submit()")
@@ -191,7 +191,7 @@ def test_blanks_around_words_are_kept_also_when_the_page_comes_back(site: Site, 
     assert (stored(site)["word"], stored(site)["words"]) == (word, words)
 
 
-def test_a_control_character_is_shown_and_not_removed(site: Site, page: Page) -> None:
+def test_a_control_character_is_shown_and_not_removed(site: PageSite, page: Page) -> None:
     fill_in(page, words="one\x0btwo")
     page.click("#go")
     expect(page.locator("#q-words .msg")).to_contain_text("invisible control character after “one”")

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, BrowserContext, Page
 from server.store import admins
 from server.web.passwords import hashed
 from tests.support.browser.game_page import DESKTOP, draw_less_often
-from tests.support.browser.single_input import KeyboardOnly, walk
+from tests.support.browser.single_input import KeyboardOnly, take_part
 from tests.support.guide_machine import free_port
 from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY
@@ -28,7 +28,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
         yield running
 
 
-class Watched:
+class WatchedPaths:
     """A browser that records its requests."""
 
     def __init__(self, chromium: Browser) -> None:
@@ -60,11 +60,11 @@ class Watched:
 
 @pytest.mark.slow
 def test_participants_stay_below_the_path_and_cookies_go_nowhere_else(chromium: Browser, server: LiveServer) -> None:
-    browser = Watched(chromium)
+    browser = WatchedPaths(chromium)
     page = browser.page()
     page.goto(f"{server.url}{ROOT}")
     page.click(f"a[href^='{ROOT}/s/short']")
-    titles = walk(KeyboardOnly(page), page.url)
+    titles = take_part(KeyboardOnly(page), page.url)
     assert titles[-1] == "Thank you for cooking with us"
     assert {cookie.get("path") for cookie in browser.context.cookies()} == {f"{ROOT}/s/short"}
     assert browser.failed == []
@@ -77,7 +77,7 @@ def test_participants_stay_below_the_path_and_cookies_go_nowhere_else(chromium: 
 def test_researchers_stay_below_the_path(chromium: Browser, server: LiveServer) -> None:
     database = server.app.state.services.web.database
     database.write_now(admins.create, "mara", hashed(PASSWORD), "own")
-    browser = Watched(chromium)
+    browser = WatchedPaths(chromium)
     page = browser.page()
     page.goto(f"{server.url}{ROOT}/admin/s/short")
     page.fill("[name=name]", "mara")
@@ -100,7 +100,7 @@ def test_researchers_stay_below_the_path(chromium: Browser, server: LiveServer) 
 
 @pytest.mark.slow
 def test_viewers_stay_below_the_path(chromium: Browser, server: LiveServer) -> None:
-    browser = Watched(chromium)
+    browser = WatchedPaths(chromium)
     page = browser.page()
     page.goto(f"{server.url}{ROOT}/watch")
     page.wait_for_load_state("networkidle")

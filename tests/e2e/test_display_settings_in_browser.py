@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.support.browser.game_page import DESKTOP, PHONE, screenshot
-from tests.support.page_site import SMALL_STUDY, Site
+from tests.support.page_site import SMALL_STUDY, PageSite
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 SETTINGS = {"hold": "on_key", "switch": "toggle"}
@@ -23,8 +23,8 @@ def study(name: str, show: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("shows"), *(study(*one) for one in SETTINGS.items())) as running:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
+    with PageSite(tmp_path_factory.mktemp("shows"), *(study(*one) for one in SETTINGS.items())) as running:
         yield running
 
 
@@ -36,8 +36,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         ("switch", LANDSCAPE, "Tap the “Next steps” button to show them"),
     ],
 )
-def test_the_introduction_says_how_to_ask_for_the_marks(
-    chromium: Browser, site: Site, name: str, size: dict[str, int], words: str
+def test_the_introduction_explains_how_to_ask_for_the_marks(
+    chromium: Browser, site: PageSite, name: str, size: dict[str, int], words: str
 ) -> None:
     touch: dict[str, Any] = {} if size == DESKTOP else {"has_touch": True, "is_mobile": True}
     context = chromium.new_context(viewport=size, locale="en", **touch)

@@ -96,8 +96,8 @@ def open_help(page: Page) -> None:
     page.wait_for_selector("#marks-help[open]")
 
 
-def said(page: Page) -> str:
-    return page.inner_text("#marks-help-said")
+def help_text(page: Page) -> str:
+    return page.inner_text("#marks-help-text")
 
 
 def test_one_key_explains_the_marks_before_a_round_and_in_a_pause_but_not_while_it_runs(
@@ -106,9 +106,9 @@ def test_one_key_explains_the_marks_before_a_round_and_in_a_pause_but_not_while_
     with opened(chromium, server) as page:
         page.wait_for_selector("[data-phase=ready]")
         open_help(page)
-        assert said(page) == "The largest mark shows the first step: Walk."
+        assert help_text(page) == "The largest mark shows the first step: Walk."
         page.wait_for_function(
-            "() => document.querySelector('#marks-help-said').textContent.startsWith('The chef did')"
+            "() => document.querySelector('#marks-help-text').textContent.startsWith('The chef did')"
         )
         assert violations(page) == []
         page.keyboard.press("Escape")
@@ -129,27 +129,25 @@ def test_with_reduced_motion_a_button_goes_through_the_example(chromium: Browser
         page.wait_for_selector("[data-phase=ready]")
         open_help(page)
         assert page.is_hidden("#marks-help-play")
-        words = [said(page)]
+        words = [help_text(page)]
         for _ in range(6):
             page.keyboard.press("Enter")  # the button for the next step has the focus
-            words.append(said(page))
+            words.append(help_text(page))
         steps: list[Any] = [text.rpartition(": ")[2] for text in words[:-1]]
         assert steps == ["Walk.", "Walk.", "Walk.", "Turn.", "Use.", "Wait."]
         assert words[-1] == "The chef did all the steps that its marks showed."
 
 
-def test_where_intentions_are_shown_the_example_shows_one_and_says_it(
-    chromium: Browser, server: FakeGameServer
-) -> None:
+def test_if_intentions_are_shown_the_example_shows_one_in_words(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = rings(display="intention")
     with opened(chromium, server, reduced_motion="reduce") as page:
         page.wait_for_selector("[data-phase=ready]")
         open_help(page)
         assert page.inner_text("#marks-help-lead").startswith("The icon shows at which station")
-        words = [said(page)]
+        words = [help_text(page)]
         for _ in range(5):
             page.keyboard.press("Enter")
-            words.append(said(page))
+            words.append(help_text(page))
         assert words[0] == "The prediction: onion to the pot."
         assert words[1:5] == ["The chef is on its way. The prediction is still: onion to the pot."] * 4
         assert words[5] == "The chef did what the icon showed."

@@ -94,7 +94,7 @@ def test_letters_and_enter_do_what_arrows_and_space_do(page: Page, server: FakeG
     assert [each.tap for each in server.inputs() if each.tap is not None] == [0, 1, 2, 3, 5, 5]
 
 
-def test_leaving_the_window_lets_all_keys_go_and_pauses(page: Page, server: FakeGameServer) -> None:
+def test_leaving_the_window_releases_all_keys_and_pauses(page: Page, server: FakeGameServer) -> None:
     page.keyboard.down("ArrowLeft")
     page.evaluate("window.dispatchEvent(new Event('blur'))")
     server.wait_for(lambda server: bool(server.of(Away)))
@@ -235,19 +235,19 @@ def test_a_key_that_goes_down_twice_counts_twice(page: Page, server: FakeGameSer
     were_sent(page, server, taps, [5, 5])
 
 
-def test_a_menu_over_the_game_lets_the_keys_go(page: Page, server: FakeGameServer) -> None:
+def test_a_menu_over_the_game_releases_the_keys(page: Page, server: FakeGameServer) -> None:
     page.keyboard.down("ArrowUp")
     page.evaluate("document.querySelector('.stage').dispatchEvent(new MouseEvent('contextmenu', {bubbles: true}))")
     were_sent(page, server, moves, [(0, 0), (None, None)])
 
 
-def test_what_is_dragged_over_the_game_lets_the_keys_go(page: Page, server: FakeGameServer) -> None:
+def test_dragging_something_over_the_game_releases_the_keys(page: Page, server: FakeGameServer) -> None:
     page.keyboard.down("ArrowUp")
     page.evaluate("document.querySelector('.stage').dispatchEvent(new DragEvent('dragstart', {bubbles: true}))")
     were_sent(page, server, moves, [(0, 0), (None, None)])
 
 
-def test_a_dialog_lets_the_keys_go_however_it_was_opened(page: Page, server: FakeGameServer) -> None:
+def test_every_dialog_releases_the_keys(page: Page, server: FakeGameServer) -> None:
     page.evaluate("document.activeElement.blur()")  # in Safari a click on a button takes the focus nowhere
     page.keyboard.down("ArrowLeft")
     page.evaluate("document.querySelector('#keys-dialog').showModal()")

@@ -13,7 +13,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
 
 @pytest.mark.parametrize("code", [1011, 1012])
-def test_a_lost_line_comes_back_by_itself_at_the_same_timestep(
+def test_a_lost_connection_is_restored_at_the_same_timestep(
     chromium: Browser, server: FakeGameServer, code: int
 ) -> None:
     with opened(chromium, server) as page:
@@ -50,7 +50,7 @@ def test_a_reloaded_page_waits_for_the_participant_to_continue(chromium: Browser
         page.wait_for_selector("#start:visible")
         assert page.inner_text("#start-title") == "Welcome back"
         assert page.evaluate("document.activeElement.id") == "start-button"
-        assert len({hello.tab for hello in server.of(Hello)}) == 1, "a reload is no other tab"
+        assert len({hello.tab for hello in server.of(Hello)}) == 1, "a reload is not another tab"
         page.keyboard.press("Enter")
         server.wait_for(lambda server: len(server.of(Ready)) >= 2)
         settled(page, server)
@@ -120,7 +120,7 @@ def test_a_server_that_falls_silent_is_noticed(chromium: Browser, server: FakeGa
 @pytest.mark.parametrize(
     ("reason", "part"), [("database", "#banner"), ("researcher", "#pause"), ("partner", "#pause"), ("server", "#pause")]
 )
-def test_every_pause_says_why(chromium: Browser, server: FakeGameServer, reason: str, part: str) -> None:
+def test_every_pause_shows_its_reason(chromium: Browser, server: FakeGameServer, reason: str, part: str) -> None:
     with opened(chromium, server) as page:
         start(page, server)
         server.send(Paused(reason, 0.0))
@@ -137,7 +137,7 @@ def test_every_pause_says_why(chromium: Browser, server: FakeGameServer, reason:
         ("blur", 30.0, "Please resume within 30 seconds."),
     ],
 )
-def test_a_pause_says_what_happens_when_it_lasts_too_long(
+def test_a_pause_shows_what_happens_if_it_lasts_too_long(
     chromium: Browser, server: FakeGameServer, reason: Any, left_s: float, words: str
 ) -> None:
     with opened(chromium, server) as page:

@@ -76,7 +76,7 @@ def lesson_page(server: FakeGameServer, **page: Any) -> None:
     )
 
 
-def test_the_tutorial_tells_what_to_do_and_where(chromium: Browser, server: FakeGameServer) -> None:
+def test_the_tutorial_shows_what_to_do_and_where(chromium: Browser, server: FakeGameServer) -> None:
     lesson_page(server)
     with opened(chromium, server) as page:
         start(page, server, kitchen(t=1, players=((2, 2, 3, 0), (5, 3, 0, 0))))

@@ -1,4 +1,4 @@
-"""How marks are drawn: on the floor and beside the chef, as one path, and never over what a station shows."""
+"""How marks are drawn: on the floor and next to the chef, as one path, and never over what a station shows."""
 
 import base64
 import json
@@ -101,7 +101,7 @@ def test_no_mark_hides_what_a_station_shows(blank: Page, chef: Any, prediction: 
     assert marked.inner(*station) == bare.inner(*station)
 
 
-def test_repeats_are_one_hand_with_a_number(blank: Page) -> None:
+def test_repeated_uses_are_drawn_as_one_hand_with_a_number(blank: Page) -> None:
     script = "async (a) => (await import('/static/js/board/marks.js')).marks(...a)"
     found = blank.evaluate(script, [steps(INTERACT, INTERACT, INTERACT), [6, 1, NORTH, 1], [2, 3, 0, 0], list(RINGS)])
     assert [(mark["kind"], mark["count"]) for mark in found] == [("hand", 3), ("none", 1), ("none", 1)]
@@ -145,6 +145,6 @@ def test_the_tag_of_the_own_chef_leaves_the_pot_in_sight(blank: Page) -> None:
     tagged, bare = draw(blank, moment, NONE, tag="YOU"), draw(blank, moment, NONE)
     assert tagged.image != bare.image
     assert tagged.inner(4, 0) == bare.inner(4, 0)
-    beside = kitchen(t=9, players=((3, 1, NORTH, 1), (2, 3, 0, 0)), counters=((3, 2, 1),))
-    tagged, bare = draw(blank, beside, NONE, tag="YOU"), draw(blank, beside, NONE)
+    near = kitchen(t=9, players=((3, 1, NORTH, 1), (2, 3, 0, 0)), counters=((3, 2, 1),))
+    tagged, bare = draw(blank, near, NONE, tag="YOU"), draw(blank, near, NONE)
     assert tagged.inner(3, 2) == bare.inner(3, 2), "nor does it lie on a thing on the counter below"

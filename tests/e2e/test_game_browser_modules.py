@@ -138,7 +138,7 @@ def test_a_chef_is_put_not_glided_after_a_gap(blank: Page) -> None:
     assert states(blank, [welcome(), tick(far)], "return m.place(s, 0, 1000)", [0, 1000]) == [1, 3]
 
 
-def test_the_own_chef_turns_at_once_and_the_servers_word_ends_that(blank: Page) -> None:
+def test_the_own_chef_turns_at_once_until_the_server_answers(blank: Page) -> None:
     body = """
       const turned = m.applyTurn(s, 3, 7);
       const early = m.apply(turned, {...a[0][1], applied: 6}, 10), late = m.apply(turned, {...a[0][1], applied: 7}, 10);
@@ -209,7 +209,7 @@ def test_releasing_a_key_under_another_changes_nothing(blank: Page) -> None:
     assert keys(blank, "k.press('ArrowUp'); k.press('ArrowLeft'); return [k.release('ArrowUp'), k.held]") == [None, 3]
 
 
-def test_clear_lets_all_go_and_says_so_once(blank: Page) -> None:
+def test_clear_releases_all_keys_with_one_message(blank: Page) -> None:
     found = keys(blank, "k.press('ArrowUp'); return [k.clear(), k.clear(), k.release('ArrowUp')]")
     assert found == [{"held": None, "tap": None}, None, None]
 

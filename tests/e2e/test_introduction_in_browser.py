@@ -2,11 +2,11 @@
 
 from playwright.sync_api import Browser, expect
 
-from tests.support.browser.person import DESK, PHONE, Person, answer_everything, heading
-from tests.support.page_site import Site
+from tests.support.browser.person import DESK, PHONE, BrowserPerson, answer_everything, heading
+from tests.support.page_site import PageSite
 
 
-def test_introduction_returns_to_its_slide_and_continues_by_keyboard(person: Person) -> None:
+def test_introduction_returns_to_its_slide_and_continues_by_keyboard(person: BrowserPerson) -> None:
     page = person.consent().jump("introduction").page
     page.locator("#next").focus()
     page.keyboard.press("Enter")
@@ -22,7 +22,7 @@ def test_introduction_returns_to_its_slide_and_continues_by_keyboard(person: Per
     expect(page.locator("#questions")).to_be_visible()
 
 
-def test_arrow_keys_turn_the_slides_and_stop_at_both_ends(person: Person) -> None:
+def test_arrow_keys_turn_the_slides_and_stop_at_both_ends(person: BrowserPerson) -> None:
     page = person.consent().jump("introduction").page
     first = heading(page).inner_text()
     page.keyboard.press("ArrowLeft")
@@ -46,7 +46,7 @@ SWIPE = """([x, y]) => {
 }"""
 
 
-def test_swipes_turn_the_slides_and_scrolling_does_not(person: Person) -> None:
+def test_swipes_turn_the_slides_and_scrolling_does_not(person: BrowserPerson) -> None:
     page = person.consent().jump("introduction").page
     first = heading(page).inner_text()
     for scrolling in ([-60, 200], [-20, 0], [0, -300]):
@@ -67,7 +67,7 @@ COLOURS = """() => {
 }"""
 
 
-def test_kitchens_are_drawn(person: Person) -> None:
+def test_kitchens_are_drawn(person: BrowserPerson) -> None:
     page = person.consent().jump("ready-02").page
     expect(page.locator("#scene")).to_have_attribute(
         "aria-label", "The kitchen called Ring with both chefs at their starting places"
@@ -77,10 +77,10 @@ def test_kitchens_are_drawn(person: Person) -> None:
     assert colours > 30
 
 
-def test_the_introduction_teaches_the_controls_of_the_device(chromium: Browser, site: Site) -> None:
+def test_the_introduction_teaches_the_controls_of_the_device(chromium: Browser, site: PageSite) -> None:
     for touch, words in ((True, "tap Use"), (False, "press space")):
         context = chromium.new_context(viewport=PHONE if touch else DESK, has_touch=touch, is_mobile=touch)
-        page = Person(site, context).consent().page
+        page = BrowserPerson(site, context).consent().page
         answer_everything(page)
         page.click("#go")
         for slide in ("fetch", "fill", "deliver"):

@@ -120,7 +120,7 @@ def test_a_kitchen_is_drawn_by_keyboard_mended_saved_and_played(page: Page, serv
     is_accessible(page)
     serve_with_nook(page, server)
     with ThreadPoolExecutor(1) as other:  # the browser's event loop runs in this thread
-        other.submit(asyncio.run, Bot(server.url, "short", 1).walk()).result()
+        other.submit(asyncio.run, Bot(server.url, "short", 1).take_part()).result()
     with Database(server.database, read_only=True) as database:
         layouts = database.read_now(lambda connection: connection.execute(episodes.select()).mappings().all())
         saved = database.read_now(kitchens.grids)["nook"]
@@ -147,7 +147,7 @@ def serve_with_nook(page: Page, server: LiveServer) -> None:
     page.click("[data-ask=version]")
     page.fill("dialog[open] [name=note]", "an own kitchen")
     page.click("dialog[open] .main")
-    expect(page.locator(".said")).to_contain_text("The new version is served")
+    expect(page.locator(".outcome")).to_contain_text("The new version is served")
 
 
 def test_a_kitchen_is_drawn_by_pointer_and_touch_and_one_stroke_is_taken_back_at_once(page: Page) -> None:

@@ -53,7 +53,7 @@ def test_leaving_in_the_middle_of_a_game_leaves_no_data_behind(
     page.wait_for_selector("#over:visible, #closed:visible")
     assert rows(server) == {}
     second.goto(f"{server.url}/s/short/now")
-    assert second.url.endswith("/s/short"), "a stranger again"
+    assert second.url.endswith("/s/short"), "a new visitor again"
     context.close()
     assert "Traceback" not in caplog.text
     assert "could not be stored" not in caplog.text

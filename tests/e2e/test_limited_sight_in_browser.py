@@ -54,8 +54,8 @@ def test_a_partner_out_of_view_is_not_drawn_and_has_no_marks(chromium: Browser, 
         start(page, server, kitchen(t=1, players=(OWN, (3, 1, 2, 1))))
         expect(page.locator("#round")).to_contain_text("view: 2 cells")
         shown(page, server, 2, (3, 1, 2, 1), PATH, True)
-        beside = brightness(page, 3.5, 1.5)
+        near = brightness(page, 3.5, 1.5)
         shown(page, server, 3, (2, 1, 0, 0), ((6, 95), (6, 80), (6, 60)), False)
         screenshot(page, "sight-alone")
-        assert brightness(page, 3.5, 1.5) != beside
+        assert brightness(page, 3.5, 1.5) != near
         assert brightness(page, 3.5, 1.5) == brightness(page, 1.5, 1.5)

@@ -12,7 +12,7 @@ from server.settings import ROOT
 from server.store import arrivals
 from tests.support.browser.fake_game_server import NONE, PRACTICE, FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import DESKTOP, opened, screenshot, start
-from tests.support.page_site import SMALL_STUDY, Site
+from tests.support.page_site import SMALL_STUDY, PageSite
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(180)]
 STATIC = ROOT / "static" / "js"
@@ -57,8 +57,8 @@ def without(*names: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("old"), STUDY, UNCHECKED) as running:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
+    with PageSite(tmp_path_factory.mktemp("old"), STUDY, UNCHECKED) as running:
         yield running
 
 
@@ -69,11 +69,11 @@ def page(chromium: Browser) -> Iterator[Page]:
     context.close()
 
 
-def turned_away(site: Site) -> int:
+def turned_away(site: PageSite) -> int:
     return counted(site, ("unsuitable", "browser"))
 
 
-def counted(site: Site, kind: tuple[str, str]) -> int:
+def counted(site: PageSite, kind: tuple[str, str]) -> int:
     found = site.studies.open("small")
     assert found is not None
     return site.database.read_now(arrivals.of_study, [found[0]]).get(kind, 0)
@@ -86,7 +86,7 @@ def is_refused(page: Page, words: str) -> None:
     expect(page.locator("#unsuitable")).to_be_visible()
 
 
-def test_a_browser_without_what_the_game_needs_is_told_before_consent(site: Site, chromium: Browser) -> None:
+def test_a_browser_without_what_the_game_needs_is_turned_away_before_consent(site: PageSite, chromium: Browser) -> None:
     context = chromium.new_context(viewport=DESKTOP, locale="en-GB")  # type: ignore[arg-type]
     for missing in NEEDED:
         page = context.new_page()
@@ -100,7 +100,7 @@ def test_a_browser_without_what_the_game_needs_is_told_before_consent(site: Site
     assert site.everybody("unchecked") == []
 
 
-def test_a_browser_that_refuses_beacons_is_checked_and_counted_all_the_same(site: Site, page: Page) -> None:
+def test_a_browser_that_refuses_beacons_is_checked_and_counted_all_the_same(site: PageSite, page: Page) -> None:
     before = counted(site, ("opened", ""))
     page.add_init_script(without("Navigator.prototype.sendBeacon"))  # Firefox with `beacon.enabled` off
     with page.expect_response("**/arrivals"):
@@ -109,13 +109,13 @@ def test_a_browser_that_refuses_beacons_is_checked_and_counted_all_the_same(site
     assert counted(site, ("opened", "")) == before + 1
 
 
-def test_a_browser_that_keeps_no_cookies_is_told_before_consent(site: Site, page: Page) -> None:
+def test_a_browser_without_cookies_is_turned_away_before_consent(site: PageSite, page: Page) -> None:
     page.add_init_script("Object.defineProperty(Navigator.prototype, 'cookieEnabled', { get: () => false })")
     page.goto(f"{site.url}/s/small")
     is_refused(page, "does not keep cookies")
 
 
-def test_a_browser_that_cannot_read_the_scripts_is_told_and_counted(site: Site, page: Page) -> None:
+def test_a_browser_that_cannot_read_the_scripts_is_counted_and_shows_why(site: PageSite, page: Page) -> None:
     before = turned_away(site)
     page.route(
         "**/device-check.js", lambda route: route.fulfill(body="syntax of tomorrow", content_type="text/javascript")
@@ -128,7 +128,7 @@ def test_a_browser_that_cannot_read_the_scripts_is_told_and_counted(site: Site, 
     assert turned_away(site) == before + 1
 
 
-def test_a_game_that_cannot_be_read_says_so(chromium: Browser, server: FakeGameServer) -> None:
+def test_a_game_that_cannot_be_read_is_reported(chromium: Browser, server: FakeGameServer) -> None:
     context = chromium.new_context(viewport=DESKTOP)  # type: ignore[arg-type]
     page = context.new_page()
     page.route("**/game.js", lambda route: route.fulfill(body="syntax of tomorrow", content_type="text/javascript"))
@@ -137,7 +137,7 @@ def test_a_game_that_cannot_be_read_says_so(chromium: Browser, server: FakeGameS
     context.close()
 
 
-def test_a_game_whose_drawings_do_not_load_says_so(chromium: Browser, server: FakeGameServer) -> None:
+def test_a_game_whose_drawings_do_not_load_shows_a_message(chromium: Browser, server: FakeGameServer) -> None:
     context = chromium.new_context(viewport=DESKTOP)  # type: ignore[arg-type]
     page = context.new_page()
     page.route("**/item-soup.svg", lambda route: route.abort())
@@ -147,7 +147,7 @@ def test_a_game_whose_drawings_do_not_load_says_so(chromium: Browser, server: Fa
     context.close()
 
 
-def test_a_browser_of_2022_passes_the_check(site: Site, page: Page) -> None:
+def test_a_browser_of_2022_passes_the_check(site: PageSite, page: Page) -> None:
     page.add_init_script(without(*YOUNG))
     page.goto(f"{site.url}/s/small")
     expect(page.locator("#agree")).to_be_enabled()

@@ -43,7 +43,7 @@ def test_participants_complete_the_study_and_everything_they_saw_is_stored(serve
     bots = [Bot(server.url, "short", seed) for seed in range(3)]
 
     async def walk() -> None:
-        await asyncio.gather(*(bot.walk() for bot in bots))
+        await asyncio.gather(*(bot.take_part() for bot in bots))
 
     asyncio.run(walk())
     stored = stored_hashes(server)
@@ -85,7 +85,7 @@ def test_reload_leads_back_to_the_same_page(server: RealServer) -> None:
 
 
 def serve(*words: str) -> "subprocess.CompletedProcess[str]":
-    """In a process of its own, as it changes the one that it runs in."""
+    """In a separate process, as it changes the one that it runs in."""
     line = [sys.executable, str(ROOT / "kitchenmind"), "serve", *words]
     return subprocess.run(line, capture_output=True, text=True, check=False, timeout=120)
 
@@ -96,7 +96,7 @@ def test_second_server_on_the_same_database_is_refused(server: RealServer) -> No
     assert "kitchenmind serve:" in refused.stderr
 
 
-def test_wrong_input_of_serve_is_told_with_exit_code_2(server: RealServer, tmp_path: Path) -> None:
+def test_wrong_input_of_serve_is_reported_with_exit_code_2(server: RealServer, tmp_path: Path) -> None:
     taken = server.command("serve", "--port", server.url.rpartition(":")[2])  # refused before anything is changed
     assert taken.returncode == 2
     assert "--port" in taken.stderr
@@ -114,7 +114,7 @@ def test_server_that_goes_down_in_the_middle_loses_and_doubles_nothing(tmp_path:
         bots = [Bot(server.url, "short", seed) for seed in range(2)]
 
         async def walk() -> None:
-            walking = [asyncio.create_task(bot.walk()) for bot in bots]
+            walking = [asyncio.create_task(bot.take_part()) for bot in bots]
             while not all(len(bot.journal.states) > 30 for bot in bots):
                 await asyncio.sleep(0.02)
                 for task in walking:

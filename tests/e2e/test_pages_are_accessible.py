@@ -9,18 +9,18 @@ from sqlalchemy import Connection
 from server.store import attempts, participants
 from server.store.tables import participants as table
 from tests.support.browser.game_page import draw_less_often, violations
-from tests.support.browser.person import ACCEPTED, DESK, NARROW, PHONE, STEPS, Person
-from tests.support.page_site import Site
+from tests.support.browser.person import ACCEPTED, DESK, NARROW, PHONE, STEPS, BrowserPerson
+from tests.support.page_site import PageSite
 
 
 @pytest.mark.parametrize(
     ("size", "language"), [(DESK, "en"), pytest.param(PHONE, "zh", marks=pytest.mark.slow)], ids=["desk-en", "phone-zh"]
 )
 def test_axe_finds_nothing_on_any_page(
-    site: Site, chromium: Browser, size: dict[str, int], language: str, request: pytest.FixtureRequest
+    site: PageSite, chromium: Browser, size: dict[str, int], language: str, request: pytest.FixtureRequest
 ) -> None:
     context = chromium.new_context(viewport=size, has_touch=size is PHONE, locale=language, reduced_motion="reduce")  # type: ignore[arg-type]
-    person, name = Person(site, draw_less_often(context)), request.node.callspec.id
+    person, name = BrowserPerson(site, draw_less_often(context)), request.node.callspec.id
     page = person.page
     found: dict[str, list[Any]] = {}
 
@@ -66,7 +66,7 @@ def test_axe_finds_nothing_on_any_page(
     assert {place: problems for place, problems in found.items() if problems} == {}
 
 
-def test_axe_finds_nothing_where_the_way_ends_early(person: Person) -> None:
+def test_axe_finds_nothing_on_the_pages_of_an_early_end(person: BrowserPerson) -> None:
     """A preview, a repeated visit, a full study, a failed quiz, a too long absence, guessed codes."""
     page, site = person.page, person.site
     found: dict[str, list[Any]] = {}
@@ -102,7 +102,7 @@ def test_axe_finds_nothing_where_the_way_ends_early(person: Person) -> None:
     look("welcome-back")
     page.click("main .btn")
     first, second = site.everybody("hired")
-    keys = [step.key for step in site.studies.way(first)]
+    keys = [step.key for step in site.studies.steps_of(first)]
     site.database.write_now(participants.advance, first.id, 0, keys.index("goodbye"))
     page.reload()
     page.click("main .btn")
@@ -132,7 +132,7 @@ def set_status(connection: Connection, participant_id: str, status: str) -> None
     connection.execute(table.update().where(table.c.id == participant_id).values(status=status))
 
 
-def test_pages_fit_into_320_pixels_and_200_percent(person: Person) -> None:
+def test_pages_fit_into_320_pixels_and_200_percent(person: BrowserPerson) -> None:
     page, wide = person.page, []
 
     def check(place: str) -> None:
@@ -154,9 +154,9 @@ def test_pages_fit_into_320_pixels_and_200_percent(person: Person) -> None:
     assert wide == []
 
 
-def test_buttons_and_scales_are_large_enough_for_a_thumb(site: Site, chromium: Browser) -> None:
+def test_buttons_and_scales_are_large_enough_for_a_thumb(site: PageSite, chromium: Browser) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True)  # type: ignore[arg-type]
-    page = Person(site, context).consent().jump("after-01").page
+    page = BrowserPerson(site, context).consent().jump("after-01").page
     sides = "(all) => all.map((each) => each.getBoundingClientRect()).map((box) => [box.width, box.height])"
     boxes = page.eval_on_selector_all(".scale label, .btn", sides)
     links = page.eval_on_selector_all(".foot .link", sides)

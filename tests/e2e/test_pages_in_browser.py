@@ -5,13 +5,13 @@ from playwright.sync_api import Browser, expect
 
 from server.store import participants
 from tests.support.browser.game_page import violations
-from tests.support.browser.person import ACCEPTED, DESK, Person, answer_everything
-from tests.support.page_site import Site
+from tests.support.browser.person import ACCEPTED, DESK, BrowserPerson, answer_everything
+from tests.support.page_site import PageSite
 
 pytestmark = pytest.mark.browser
 
 
-def test_the_next_person_in_this_browser_starts_as_a_new_participant(person: Person) -> None:
+def test_the_next_person_in_this_browser_starts_as_a_new_participant(person: BrowserPerson) -> None:
     page = person.page
     person.consent().jump("goodbye")
     page.evaluate("localStorage.setItem('keys', 'of the first person')")
@@ -33,7 +33,7 @@ def test_the_next_person_in_this_browser_starts_as_a_new_participant(person: Per
     assert (person.me.number, person.me.status) == (first.number + 1, "active")
 
 
-def test_a_refused_quiz_that_is_loaded_again_costs_no_attempt(person: Person) -> None:
+def test_a_refused_quiz_that_is_loaded_again_costs_no_attempt(person: BrowserPerson) -> None:
     page = person.page
     page.route_web_socket("**/s/small/socket", lambda _: None)  # these pages have no live game behind them
     person.consent().jump("quiz")
@@ -49,7 +49,7 @@ def test_a_refused_quiz_that_is_loaded_again_costs_no_attempt(person: Person) ->
     expect(page.locator(".game")).to_be_visible()
 
 
-def test_the_assignment_is_sent_to_mturk_and_nowhere_else(person: Person) -> None:
+def test_the_assignment_is_sent_to_mturk_and_nowhere_else(person: BrowserPerson) -> None:
     page, sent = person.page, []
     page.route("https://www.mturk.com/**", lambda route: (sent.append(route.request), route.fulfill(body="done")))
     page.goto(f"{person.site.url}/s/hired?workerId=AFRESH&{ACCEPTED}")
@@ -57,7 +57,7 @@ def test_the_assignment_is_sent_to_mturk_and_nowhere_else(person: Person) -> Non
     page.click("#agree")
     page.wait_for_url("**/now")
     me = person.site.everybody("hired")[-1]
-    keys = [step.key for step in person.site.studies.way(me)]
+    keys = [step.key for step in person.site.studies.steps_of(me)]
     person.site.database.write_now(participants.advance, me.id, 0, keys.index("goodbye"))
     page.reload()
     page.click("main .btn")
@@ -69,7 +69,7 @@ def test_the_assignment_is_sent_to_mturk_and_nowhere_else(person: Person) -> Non
     person.asked.clear()
 
 
-def test_start_page_is_light_and_quick(person: Person) -> None:
+def test_start_page_is_light_and_quick(person: BrowserPerson) -> None:
     sizes: list[int] = []
     person.page.on("response", lambda response: sizes.append(len(response.body())))
     person.page.goto(person.site.url)
@@ -77,14 +77,14 @@ def test_start_page_is_light_and_quick(person: Person) -> None:
     assert 0 < sum(sizes) <= 500_000
 
 
-def test_device_is_checked_before_anybody_may_agree(person: Person) -> None:
+def test_device_is_checked_before_anybody_may_agree(person: BrowserPerson) -> None:
     page = person.page
     page.goto(f"{person.site.url}/s/small")
     expect(page.locator("#entry")).to_have_attribute("data-state", "good")
     expect(page.locator("#agree")).to_be_enabled()
 
 
-def test_unsuitable_device_is_told_why_and_led_to_its_code(person: Person) -> None:
+def test_unsuitable_device_gets_the_reason_and_its_code(person: BrowserPerson) -> None:
     page = person.page
     page.goto(f"{person.site.url}/s/strict")
     expect(page.locator("#entry")).to_have_attribute("data-state", "bad")
@@ -96,7 +96,7 @@ def test_unsuitable_device_is_told_why_and_led_to_its_code(person: Person) -> No
     assert person.site.everybody("strict") == []
 
 
-def test_blocked_websocket_is_told_before_consent(site: Site, chromium: Browser) -> None:
+def test_a_blocked_websocket_is_reported_before_consent(site: PageSite, chromium: Browser) -> None:
     context = chromium.new_context(viewport=DESK)  # type: ignore[arg-type]
     page = context.new_page()
     page.route_web_socket("**/check", lambda socket: socket.close(code=1011))
@@ -106,7 +106,7 @@ def test_blocked_websocket_is_told_before_consent(site: Site, chromium: Browser)
     context.close()
 
 
-def test_digits_answer_the_scales_in_order_and_enter_continues(person: Person) -> None:
+def test_digits_answer_the_scales_in_order_and_enter_continues(person: BrowserPerson) -> None:
     page = person.consent().jump("after-01").page
     scales = page.locator(".q").count()
     expect(page.locator(".scale input:checked")).to_have_count(0)
@@ -120,7 +120,7 @@ def test_digits_answer_the_scales_in_order_and_enter_continues(person: Person) -
     assert stored.key == "ready-02"
 
 
-def test_open_question_gets_the_focus_and_its_mark_goes_when_answered(person: Person) -> None:
+def test_open_question_gets_the_focus_and_its_mark_goes_when_answered(person: BrowserPerson) -> None:
     page = person.consent().page
     answer_everything(page)
     page.fill("[name=years]", "12")
@@ -136,7 +136,7 @@ def test_open_question_gets_the_focus_and_its_mark_goes_when_answered(person: Pe
     expect(page.locator("#slides")).to_be_visible()
 
 
-def test_reload_brings_the_answers_back_and_the_next_person_does_not_get_them(person: Person) -> None:
+def test_reload_brings_the_answers_back_and_the_next_person_does_not_get_them(person: BrowserPerson) -> None:
     page = person.consent().page
     answer_everything(page)
     page.reload()
@@ -148,7 +148,7 @@ def test_reload_brings_the_answers_back_and_the_next_person_does_not_get_them(pe
     expect(page.locator("#left")).to_have_text("0 of 7 answered")
 
 
-def test_code_is_copied(person: Person) -> None:
+def test_code_is_copied(person: BrowserPerson) -> None:
     person.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     page = person.consent().jump("goodbye").page
     page.click("main .btn")
@@ -157,13 +157,13 @@ def test_code_is_copied(person: Person) -> None:
     assert page.evaluate("navigator.clipboard.readText()") == person.me.completion_code
 
 
-def test_markdown_of_a_study_is_shown_and_its_html_is_not_run(person: Person) -> None:
+def test_markdown_of_a_study_is_shown_and_its_html_is_not_run(person: BrowserPerson) -> None:
     page = person.consent().jump("goodbye").page
     expect(page.locator(".prose strong")).to_have_text("you")
     expect(page.locator(".prose")).to_contain_text("<script>alert(1)</script>")
 
 
-def test_language_can_be_changed_on_every_page_without_losing_the_place(person: Person) -> None:
+def test_language_can_be_changed_on_every_page_without_losing_the_place(person: BrowserPerson) -> None:
     page = person.consent().jump("after-01").page
     page.get_by_role("button", name="中文").click()
     expect(page.locator("html")).to_have_attribute("lang", "zh")
@@ -172,7 +172,7 @@ def test_language_can_be_changed_on_every_page_without_losing_the_place(person: 
     expect(page.locator("h1")).to_have_text("How was it")
 
 
-def test_without_scripts_the_page_says_what_is_needed(site: Site, chromium: Browser) -> None:
+def test_without_scripts_the_page_explains_what_is_needed(site: PageSite, chromium: Browser) -> None:
     context = chromium.new_context(viewport=DESK, java_script_enabled=False)  # type: ignore[arg-type]
     page = context.new_page()
     page.goto(f"{site.url}/s/small")
@@ -182,7 +182,7 @@ def test_without_scripts_the_page_says_what_is_needed(site: Site, chromium: Brow
     context.close()
 
 
-def test_person_who_left_something_wrong_finds_it_again(person: Person) -> None:
+def test_person_who_left_something_wrong_finds_it_again(person: BrowserPerson) -> None:
     """Faults that only the server can find are shown with the page: the quiz."""
     page = person.consent().jump("quiz").page
     page.check("[name=onions][value=two]")

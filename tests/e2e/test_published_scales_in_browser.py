@@ -7,7 +7,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from server.store import answers
 from tests.support.browser.game_page import screenshot, violations
-from tests.support.page_site import Site
+from tests.support.page_site import PageSite
 from tests.support.study_text import study_head
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(180)]
@@ -27,8 +27,8 @@ TLX = ("mental_demand", "physical_demand", "temporal_demand", "performance", "ef
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("scales"), STUDY) as running:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
+    with PageSite(tmp_path_factory.mktemp("scales"), STUDY) as running:
         yield running
 
 
@@ -45,7 +45,7 @@ def contexts(chromium: Browser) -> Iterator[list[BrowserContext]]:
     [(390, 844), *(pytest.param(*size, marks=pytest.mark.slow) for size in ((1366, 768), (844, 390), (320, 568)))],
 )
 def test_scales_are_answered_and_fit_the_screen(
-    site: Site, chromium: Browser, contexts: list[BrowserContext], width: int, height: int
+    site: PageSite, chromium: Browser, contexts: list[BrowserContext], width: int, height: int
 ) -> None:
     contexts.append(chromium.new_context(viewport={"width": width, "height": height}, locale="en-GB"))
     page = contexts[-1].new_page()

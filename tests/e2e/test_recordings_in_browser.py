@@ -30,9 +30,9 @@ def test_games_of_people_are_opened_watched_and_not_stored(chromium: Browser, tm
         page.click("main button")
         page.goto(f"{server.url}/admin/recordings")
         page.set_input_files("#file", {"name": "other.jsonl", "mimeType": "", "buffer": b'{"k": "s"}\n'})
-        expect(page.locator("#said")).to_contain_text("other.jsonl, line 1: a state comes before", timeout=60_000)
+        expect(page.locator("#status")).to_contain_text("other.jsonl, line 1: a state comes before", timeout=60_000)
         page.set_input_files("#file", PEOPLE)
-        expect(page.locator("#said")).to_have_text(
+        expect(page.locator("#status")).to_have_text(
             f"{PEOPLE.name}: 8 games. All states follow from the rules.", timeout=60_000
         )
         expect(page.locator("#episode option").nth(1)).to_have_text(re.compile("2: cramped_room, 1204 timesteps, "))

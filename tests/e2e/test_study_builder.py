@@ -54,7 +54,7 @@ def test_a_study_of_two_conditions_is_made_opened_and_taken_part_in_without_yaml
     assert [one.name for one in study.conditions] == ["with_marks", conditions[0].name]
     page.click("#open")
     page.click("dialog[open] .main")
-    expect(page.locator(".said")).to_have_text("The study is open: participants are let in.")
+    expect(page.locator(".outcome")).to_have_text("The study is open: participants can join.")
     participant = new_page()
     participant.goto(f"{server.url}/s/pilot")
     expect(participant.locator("h1").first).to_be_visible()
@@ -82,7 +82,7 @@ def test_both_sides_follow_each_other_and_say_what_is_wrong_at_the_field_and_at_
     minutes.fill("24")
     expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     yaml_of(page).fill("name: [")
-    expect(page.locator("#problems")).to_contain_text("this is no YAML")
+    expect(page.locator("#problems")).to_contain_text("this is not YAML")
     expect(page.locator("#form")).to_have_attribute("inert", "")
     for _ in range(3):
         page.click("#undo")
@@ -184,7 +184,7 @@ def test_the_builder_fits_a_phone(new_page: NewPage) -> None:
     is_accessible(page)
 
 
-def test_a_study_that_says_everything_goes_through_the_form_byte_for_byte(new_page: NewPage) -> None:
+def test_a_study_with_every_setting_goes_through_the_form_byte_for_byte(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "whole")
     crossed = ROOT / "studies" / "examples" / "two_factors.yaml"

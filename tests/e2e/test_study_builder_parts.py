@@ -229,10 +229,10 @@ def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: Ne
     page.get_by_role("link", name="Play").click()
     expect(page.locator("#over")).to_be_visible()
     assert rows(server, STORED, draft) == before
-    stranger = page.context.browser.new_context().new_page()  # type: ignore[union-attr]
-    refused = stranger.request.get(f"{server.url}/admin/drafts/{draft}/preview/none/en/3/play", max_redirects=0)
+    outsider = page.context.browser.new_context().new_page()  # type: ignore[union-attr]
+    refused = outsider.request.get(f"{server.url}/admin/drafts/{draft}/preview/none/en/3/play", max_redirects=0)
     assert refused.status in (303, 401, 403)
-    stranger.context.close()
+    outsider.context.close()
 
 
 @pytest.mark.slow

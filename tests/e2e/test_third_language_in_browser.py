@@ -15,7 +15,7 @@ from server.study import locale as locales
 from server.study.locale import LOCALES
 from tests.support.browser.fake_game_server import NONE, RINGS, FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import DESKTOP, PHONE, at_rest
-from tests.support.page_site import SMALL_STUDY, Site
+from tests.support.page_site import SMALL_STUDY, PageSite
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(120)]
 LANGUAGE = "qps"
@@ -86,20 +86,20 @@ def forget() -> None:
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory, third_language: None) -> Iterator[Site]:
+def site(tmp_path_factory: pytest.TempPathFactory, third_language: None) -> Iterator[PageSite]:
     text = re.sub(
         r'\{en: ([^,{}"]+), zh:', lambda found: f'{{en: {found[1]}, {LANGUAGE}: "{longer(found[1])}", zh:', SMALL_STUDY
     )
     text = text.replace('{en: "Thank', f'{{{LANGUAGE}: "**X**", en: "Thank').replace(
         "[en, zh]", f"[en, zh, {LANGUAGE}]"
     )
-    with Site(tmp_path_factory.mktemp("site"), text) as running:
+    with PageSite(tmp_path_factory.mktemp("site"), text) as running:
         yield running
 
 
 @pytest.mark.slow
 @SIZES
-def test_no_page_cuts_a_word_off(site: Site, chromium: Browser, size: dict[str, int]) -> None:
+def test_no_page_cuts_a_word_off(site: PageSite, chromium: Browser, size: dict[str, int]) -> None:
     context = chromium.new_context(viewport=size, has_touch=size is PHONE, locale="xx", reduced_motion="reduce")  # type: ignore[arg-type]
     page = context.new_page()
     cut: dict[str, list[str]] = {}
@@ -122,7 +122,7 @@ def test_no_page_cuts_a_word_off(site: Site, chromium: Browser, size: dict[str, 
     page.click("#agree")
     page.wait_for_url("**/now")
     me = site.everybody("small")[-1]
-    way = site.studies.way(me)
+    way = site.studies.steps_of(me)
     for index, step in enumerate(way[:-1]):
         if step.is_game or step.number > 2:
             continue
@@ -194,7 +194,7 @@ def shown(page: Page) -> str:
     return page.inner_text("body")
 
 
-def test_the_file_alone_makes_the_language(site: Site, chromium: Browser) -> None:
+def test_the_file_alone_makes_the_language(site: PageSite, chromium: Browser) -> None:
     page = chromium.new_page()
     page.goto(f"{site.url}/s/small")
     page.get_by_role("link", name=longer("English")).click()

@@ -10,7 +10,7 @@ from server.store import participants, studies
 from server.store.database import Database
 from server.store.tables import episodes, events
 from tests.support.browser.game_page import DESKTOP, PHONE, draw_less_often, screenshot
-from tests.support.browser.single_input import KeyboardOnly, TouchOnly, walk
+from tests.support.browser.single_input import KeyboardOnly, TouchOnly, take_part
 from tests.support.real_server import ROOT, RealServer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(280)]
@@ -32,7 +32,7 @@ def recruitment_id() -> str:
 
 
 def stored(server: RealServer, person: str) -> tuple[participants.Participant, list[str], list[str]]:
-    """Who came by that link, how their games ended, and what happened to them."""
+    """The participants of that link, how their games ended, and their events."""
 
     def look(connection):  # type: ignore[no-untyped-def]
         (study,) = studies.every(connection)
@@ -50,7 +50,7 @@ def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer
     context = chromium.new_context(viewport=DESKTOP, locale="en-GB", reduced_motion="reduce")
     page = draw_less_often(context).new_page()
     person = KeyboardOnly(page)
-    titles = walk(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=1")
+    titles = take_part(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=1")
     assert titles.count("game") == 5
     assert titles[-1] == "Thank you for cooking with us"
     assert page.inner_text("#code") == "DONE77"
@@ -73,7 +73,7 @@ def test_the_whole_study_by_touch_alone_in_chinese(chromium: Browser, server: Re
     )
     page = draw_less_often(context).new_page()
     person = TouchOnly(page)
-    titles = walk(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=2")
+    titles = take_part(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=2")
     assert titles.count("game") == 5
     assert page.get_attribute("html", "lang") == "zh"
     assert page.inner_text("#code") == "DONE77"

@@ -22,7 +22,7 @@ async def test_garbage_on_a_socket_harms_nobody_else(tmp_path: Path) -> None:
 async def test_connections_without_a_complete_request_are_closed_and_games_are_safe(
     tmp_path: Path, words: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(uvicorn_protocols, "SAY_SOMETHING_WITHIN_S", 0.5)
+    monkeypatch.setattr(uvicorn_protocols, "REQUEST_TIMEOUT_S", 0.5)
     (await abuse.idle_connections(tmp_path, 100, words)).hold()
 
 
@@ -30,7 +30,7 @@ async def test_silent_connections_make_room_when_there_is_none_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(uvicorn_protocols, "most_connections", lambda: 20)
-    monkeypatch.setattr(uvicorn_protocols, "SAY_SOMETHING_WITHIN_S", 5.0)
+    monkeypatch.setattr(uvicorn_protocols, "REQUEST_TIMEOUT_S", 5.0)
     (await abuse.idle_connections(tmp_path, 100, b"")).hold()
 
 

@@ -51,5 +51,5 @@ async def test_a_slow_reader_costs_a_bounded_queue_and_nobody_else(tmp_path: Pat
 
 
 @pytest.mark.slow
-async def test_a_rough_line_changes_neither_clock_nor_order(tmp_path: Path) -> None:
+async def test_a_bad_connection_changes_neither_clock_nor_order(tmp_path: Path) -> None:
     (await line.rough_weather(tmp_path, seconds=20)).hold()

@@ -16,17 +16,17 @@ async def test_no_file_keeps_data_of_a_participant_who_leaves_in_a_game(tmp_path
     (await people.withdrawal(tmp_path)).hold()
 
 
-async def test_games_and_forms_do_not_mind_a_clock_that_jumps(tmp_path: Path) -> None:
+async def test_games_and_forms_work_when_the_clock_jumps(tmp_path: Path) -> None:
     (await people.clock_jumps(tmp_path, seconds=0.3)).hold()
 
 
 @pytest.mark.parametrize("kind", [pytest.param("Slow", marks=pytest.mark.slow), "SometimesNothing"])
-async def test_partners_wait_for_a_faulty_agent_and_the_data_say_so(tmp_path: Path, kind: str) -> None:
+async def test_partners_wait_for_a_faulty_agent_and_the_data_record_it(tmp_path: Path, kind: str) -> None:
     (await model.faulty(tmp_path, kind, seconds=3)).hold()
 
 
 @pytest.mark.slow
-async def test_an_agent_that_takes_its_process_along_ends_no_game(tmp_path: Path) -> None:
+async def test_an_agent_that_crashes_its_process_ends_no_game(tmp_path: Path) -> None:
     (await model.faulty(tmp_path, "Dying", seconds=15)).hold()
 
 

@@ -76,24 +76,26 @@ def test_a_person_who_is_there_twice_is_found(played: tuple[Path, list[Recording
     assert tampered(played, tmp_path, again).people
 
 
-def said(*told: tuple[float, str, object]) -> ClientLog:
+def client_log(*told: tuple[float, str, object]) -> ClientLog:
     return ClientLog(entries=[LogEntry(at, kind, detail, 1) for at, kind, detail in told])
 
 
 def test_correct_messages_are_not_reported() -> None:
-    honest = said((0, "welcome", 0), (1, "countdown", None), (1, "tick", 0), (4, "tick", 1), (4.2, "tick", 2))
-    paused = said((0, "welcome", 5), (0, "paused", "lost"), (9, "countdown", None), (9, "tick", 5), (12, "tick", 6))
+    honest = client_log((0, "welcome", 0), (1, "countdown", None), (1, "tick", 0), (4, "tick", 1), (4.2, "tick", 2))
+    paused = client_log(
+        (0, "welcome", 5), (0, "paused", "lost"), (9, "countdown", None), (9, "tick", 5), (12, "tick", 6)
+    )
     assert untrue(honest) == untrue(paused) == []
 
 
 def test_a_game_that_moves_while_reported_as_paused_is_found() -> None:
     assert untrue(
-        said((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (5, "paused", "database"), (6, "tick", 2))
+        client_log((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (5, "paused", "database"), (6, "tick", 2))
     )
 
 
 def test_a_game_that_stops_without_a_message_is_found() -> None:
-    assert untrue(said((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (9, "tick", 2)))
+    assert untrue(client_log((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (9, "tick", 2)))
 
 
 def test_lateness_of_a_period_counts_the_timesteps_made_in_it(

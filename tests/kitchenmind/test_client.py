@@ -10,7 +10,7 @@ from contextlib import redirect_stdout
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
-from kitchenmind.client import ClientFailed, GameClient, ParsedPage, ProtocolError, StudyClient, walk
+from kitchenmind.client import ClientFailed, GameClient, ParsedPage, ProtocolError, StudyClient, take_part
 from kitchenmind.client.pages import filled_in
 from models.agents.planner import PlannerPolicy
 from server.play import messages
@@ -63,8 +63,8 @@ def quick_look(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]
         yield serving
 
 
-async def test_a_player_walks_a_study_to_its_code_and_is_stored_as_simulated(live: LiveServer) -> None:
-    done = await walk(live.url, "short", Planner)
+async def test_a_player_completes_a_study_and_is_stored_as_simulated(live: LiveServer) -> None:
+    done = await take_part(live.url, "short", Planner)
     assert done.code
     assert [ended.reason for ended in done.games][:1] == ["lessons"]
     assert done.games[-1].reason == "horizon"
@@ -73,7 +73,7 @@ async def test_a_player_walks_a_study_to_its_code_and_is_stored_as_simulated(liv
     assert {(row.status, row.simulated) for row in stored} == {("completed", True)}
 
 
-async def test_guide_s_player_does_what_the_guide_says(quick_look: LiveServer) -> None:
+async def test_guide_s_player_does_what_the_guide_describes(quick_look: LiveServer) -> None:
     """Its text is run as it stands, but for the address of the server."""
     (text,) = [text for mark, text in blocks(GUIDE) if mark == "python player.py"]
     assert "http://127.0.0.1:8000" in text
@@ -89,7 +89,7 @@ async def test_guide_s_player_does_what_the_guide_says(quick_look: LiveServer) -
     assert out.getvalue().splitlines()[-1].startswith("code: ")
 
 
-async def test_guide_s_walk_page_by_page_reaches_the_code(quick_look: LiveServer) -> None:
+async def test_guide_s_page_by_page_client_reaches_the_code(quick_look: LiveServer) -> None:
     (text,) = [text for mark, text in blocks(GUIDE) if mark == "python"]
     names: dict[str, object] = {"Polite": Planner}
     exec(text.replace("http://127.0.0.1:8000", quick_look.url), names)
@@ -107,29 +107,29 @@ async def test_it_comes_back_after_a_lost_connection_and_plays_on(live: LiveServ
                 socket.transport.abort()  # type: ignore[attr-defined]
                 raise OSError("the line is cut")
 
-    done = await walk(live.url, "short", Losing)
+    done = await take_part(live.url, "short", Losing)
     assert done.code
     assert Losing.losses == 1
 
 
 async def test_unknown_study_and_empty_forms_are_named(live: LiveServer) -> None:
     with pytest.raises(ClientFailed, match="GET /s/nowhere answered 404"):
-        await walk(live.url, "nowhere")
+        await take_part(live.url, "nowhere")
     async with StudyClient(live.url, "short") as client:
         with pytest.raises(ClientFailed, match="neither form nor game nor code"):
             await client.submit(ParsedPage("<p>nothing</p>"))
 
 
-async def test_an_action_that_is_none_is_an_error_of_the_player(live: LiveServer) -> None:
+async def test_an_invalid_action_is_an_error_of_the_player(live: LiveServer) -> None:
     class Wrong(GameClient):
         def act(self, tick: messages.Tick) -> int | None:
             return 7
 
     with pytest.raises(ValueError, match=r"Wrong.act returned 7. An action is 0 to 5."):
-        await walk(live.url, "short", Wrong)
+        await take_part(live.url, "short", Wrong)
 
 
-async def test_what_is_no_message_is_an_error_of_the_server() -> None:
+async def test_an_invalid_message_of_the_server_is_its_error() -> None:
     async def talk(socket: ServerConnection) -> None:
         await socket.recv()
         await socket.send('{"type": "unheard of"}')

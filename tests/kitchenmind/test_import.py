@@ -54,7 +54,7 @@ def test_the_package_is_the_command_line_from_any_folder(words: list[str], tmp_p
     assert done.stdout.startswith("usage: kitchenmind ")
 
 
-def test_unknown_name_says_which_there_are() -> None:
+def test_unknown_name_is_refused_with_the_known_ones() -> None:
     with pytest.raises(AttributeError, match=r"no attribute 'lode'. It has: load, simulate, kitchen"):
         getattr(kitchenmind, "lode")  # noqa: B009
 

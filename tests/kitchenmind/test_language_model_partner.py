@@ -42,7 +42,7 @@ class FakeModel:
 
 
 def _handler(model: FakeModel) -> type[BaseHTTPRequestHandler]:
-    class _Handler(BaseHTTPRequestHandler):
+    class _ModelHandler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             model.keys.append(self.headers.get("Authorization"))
             model.asked.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))) | {"path": self.path})
@@ -55,7 +55,7 @@ def _handler(model: FakeModel) -> type[BaseHTTPRequestHandler]:
 
         def log_message(self, *_: Any) -> None: ...
 
-    return _Handler
+    return _ModelHandler
 
 
 @pytest.fixture
@@ -76,12 +76,12 @@ def partner_class(model: FakeModel, monkeypatch: pytest.MonkeyPatch) -> Iterator
     monkeypatch.setattr(language_model_partner, "REST_S", (0.01, 0.01))
     made: list[Any] = []
 
-    class Partner(language_model_partner.LanguageModelPartner):  # type: ignore[misc]
+    class TestedPartner(language_model_partner.LanguageModelPartner):  # type: ignore[misc]
         def __init__(self, layout: Any) -> None:
             super().__init__(layout)
             made.append(self)
 
-    yield Partner
+    yield TestedPartner
     model.hold.set()
     for one in made:
         one.close()

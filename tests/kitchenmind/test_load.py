@@ -89,7 +89,7 @@ def test_unknown_table_is_named_with_those_there_are(exported: Path) -> None:
         getattr(export, "episode")  # noqa: B009
 
 
-def test_what_is_no_export_is_refused_with_the_remedy(exported: Path, tmp_path: Path) -> None:
+def test_something_that_is_not_an_export_is_refused_with_the_remedy(exported: Path, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="nowhere does not exist"):
         kitchenmind.load(tmp_path / "nowhere")
     (tmp_path / "empty").mkdir()

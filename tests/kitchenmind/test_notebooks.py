@@ -15,7 +15,7 @@ from tests.support.databases import with_tables
 from tests.support.study_data import fill
 
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
-LONGEST_CELL_S = 300
+CELL_TIMEOUT_S = 300
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_stored_output_has_no_error_and_no_folder_of_one_machine(path: Path) -> 
 def test_notebook_runs_from_top_to_bottom(
     path: Path, exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In a folder of its own, with a kernel of this Python; a cell that raises fails the test."""
+    """In a separate folder, with a kernel of this Python; a cell that raises fails the test."""
     import nbformat
     from nbclient import NotebookClient
 
@@ -73,7 +73,7 @@ def test_notebook_runs_from_top_to_bottom(
     stored = nbformat.read(path, as_version=4)
     run = nbformat.read(path, as_version=4)
     client = NotebookClient(
-        run, timeout=LONGEST_CELL_S, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
+        run, timeout=CELL_TIMEOUT_S, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
     )
     client.execute()
     assert outputs(run) == outputs(stored), "execute the notebook again and store it"

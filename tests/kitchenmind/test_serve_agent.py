@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import kitchenmind
-from kitchenmind.client import GameClient, walk
+from kitchenmind.client import GameClient, take_part
 from models.agents.agent_server import AgentServer
 from models.agents.catalogue import load_agent
 from models.agents.http_agent import HttpAgent
@@ -26,7 +26,7 @@ from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens
 from server.play import messages
 from tests.support import command_line
-from tests.support.ctrl_c import heeded
+from tests.support.ctrl_c import ctrl_c_enabled
 from tests.support.real_server import SHORT_STUDY, RealServer
 
 ROOT = Path(__file__).parents[2]
@@ -38,7 +38,7 @@ QUESTION = {
 }
 
 
-class Northward:
+class NorthAgent:
     """Goes north whatever it sees."""
 
     asked = 0
@@ -51,21 +51,21 @@ class Northward:
         return np.eye(6, dtype=np.float32)[np.zeros(len(observations), np.int8)]
 
 
-class Failing(Northward):
+class Failing(NorthAgent):
     def probabilities(self, observations: Observations) -> Probabilities:
         raise RuntimeError("out of ideas")
 
 
 @pytest.fixture
 def northward() -> Iterator[AgentServer]:
-    with kitchenmind.serve_agent(Northward, port=0) as serving:
+    with kitchenmind.serve_agent(NorthAgent, port=0) as serving:
         yield serving
 
 
 async def test_an_agent_of_this_process_plays_a_whole_episode_with_somebody(
     northward: AgentServer, tmp_path: Path
 ) -> None:
-    """The server asks it from a process of its own, as a study does."""
+    """The server asks it from a separate process, as a study does."""
     study = SHORT_STUDY.replace(
         "{name: planner, predictor: sp_predictor_stream}",
         f'{{name: mine, model: "{northward.url}", predictor: random}}',
@@ -75,24 +75,24 @@ async def test_an_agent_of_this_process_plays_a_whole_episode_with_somebody(
     )
     partners: list[int] = []
 
-    class Watching(GameClient):
+    class WatchingClient(GameClient):
         def act(self, tick: messages.Tick) -> int | None:
             if self.welcome is not None and tick.state.t > 0:
                 partners.append(tick.actions[1 - self.welcome.seat])
             return super().act(tick)
 
-    before = Northward.asked
+    before = NorthAgent.asked
     with RealServer(tmp_path, speed=4.0, study=study.replace("horizon: 60", "horizon: 30")) as server:
-        done = await walk(server.url, "short", Watching)
+        done = await take_part(server.url, "short", WatchingClient)
     assert [ended.reason for ended in done.games] == ["horizon", "horizon"]
-    assert Northward.asked > before
+    assert NorthAgent.asked > before
     assert 0 in partners
     assert set(partners) <= {0, 4}, "it goes north, and waits where its answer was late"
 
 
 def test_the_command_serves_an_agent_that_a_study_can_ask() -> None:
     words = [sys.executable, str(ROOT / "kitchenmind"), "agent", "serve", "sp@greedy", "--port", "0"]
-    with heeded():
+    with ctrl_c_enabled():
         process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     with process:
         try:

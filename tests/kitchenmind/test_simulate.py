@@ -51,7 +51,7 @@ def test_more_episodes_than_a_batch_are_the_same_episodes(monkeypatch: pytest.Mo
     assert kitchenmind.simulate(RING, "random", episodes=5, horizon=40).equals(whole)
 
 
-def test_a_deterministic_agent_earns_what_agent_check_says() -> None:
+def test_a_deterministic_agent_earns_the_points_that_agent_check_reports() -> None:
     layout = load_layout(RING)
     agent = load_agent("sp@greedy", layout)
     still = Mode(temperature=0.0, stuck_mix=0.0)
@@ -87,12 +87,12 @@ def test_agents_may_be_classes_objects_and_module_names() -> None:
         ({"agents": Unsure}, "Unsure gave probabilities that do not sum to 1"),
     ],
 )
-def test_wrong_input_says_what_is_wrong(given: dict[str, object], message: str) -> None:
+def test_wrong_input_is_explained(given: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         kitchenmind.simulate(**({"layout": RING, "agents": "stay", "horizon": 3} | given))  # type: ignore[arg-type]
 
 
-def test_what_is_no_agent_is_refused() -> None:
+def test_something_that_is_not_an_agent_is_refused() -> None:
     with pytest.raises(TypeError, match="5 is not an agent"):
         kitchenmind.simulate(RING, 5)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="has no method probabilities"):

@@ -33,7 +33,7 @@ def softmax(logits):
 
 @pytest.mark.parametrize("shape", [["games", 5, 5, 26], ["games", 26, 5, 5], ["games", 650], ["games", "w", "h", 26]])
 @pytest.mark.parametrize("answers_probabilities", [True, False])
-def test_an_onnx_agent_is_asked_in_the_shape_it_wants(shape, answers_probabilities, tmp_path):
+def test_an_onnx_agent_is_called_with_its_input_shape(shape, answers_probabilities, tmp_path):
     if "w" in shape:
         weights = onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], softmax=answers_probabilities)
     else:
@@ -57,10 +57,10 @@ def test_an_onnx_agent_of_another_kitchen_is_refused_with_the_shapes_that_fit(tm
         load_foreign_agent(str(tmp_path / "a.onnx"), RING)
 
 
-def test_what_is_no_model_is_refused(tmp_path):
+def test_something_that_is_not_a_model_is_refused(tmp_path):
     (tmp_path / "broken.onnx").write_bytes(b"nothing")
     for name, reason in [
-        (str(tmp_path / "broken.onnx"), "is no ONNX model"),
+        (str(tmp_path / "broken.onnx"), "is not an ONNX model"),
         (str(tmp_path / "missing.onnx"), "there is no file"),
         ("tests.support.foreign_models:Nobody", "is not there"),
         ("tests.support.foreign_models:Remembering", "no method probabilities"),
@@ -261,7 +261,7 @@ def checked(capsys, *words):
     return status, captured.out, captured.err
 
 
-def test_agent_check_says_what_an_agent_is_like(capsys, tmp_path):
+def test_agent_check_describes_an_agent(capsys, tmp_path):
     onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26])
     status, out, _ = checked(capsys, str(tmp_path / "a.onnx"), "--deadline-ms", "60000")
     assert status == 0
@@ -313,7 +313,7 @@ def test_a_type_that_cannot_be_given_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("size", [1, 2])
-def test_an_onnx_agent_that_takes_so_many_games_at_once_is_asked_in_parts(size, tmp_path):
+def test_an_onnx_agent_with_a_fixed_batch_size_is_called_in_parts(size, tmp_path):
     weights = onnx_files.linear_agent(tmp_path / "a.onnx", [size, 5, 5, 26])
     policy, _ = load_foreign_agent(str(tmp_path / "a.onnx"), RING)
     for games in (1, 2, 3):
@@ -333,7 +333,7 @@ def test_an_onnx_predictor_for_one_game_watches_several(tmp_path):
         assert np.allclose(one.predict(slots, STATES, actions), many.predict(slots, STATES, actions), atol=1e-5)
 
 
-def test_a_model_that_breaks_in_a_batch_says_so_in_plain_words(tmp_path):
+def test_a_model_that_fails_in_a_batch_is_reported_in_plain_words(tmp_path):
     onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], games_inside=1)
     policy, _ = load_foreign_agent(str(tmp_path / "a.onnx"), RING)
     assert policy.probabilities(STATES[:1]).shape == (1, 6)

@@ -24,12 +24,12 @@ class Saying:
         return self.answer
 
 
-def said(*intentions):
+def checked(*intentions):
     return checked_intentions(Saying(np.array([list(intentions)], INTENTION)), SLOTS, STATES, ACTIONS)
 
 
 def test_interactions_within_the_kitchen_and_none_pass():
-    assert said((4, 4, 3, 20, 0.8), NONE).tolist() == [
+    assert checked((4, 4, 3, 20, 0.8), NONE).tolist() == [
         [(4, 4, 3, 20, np.float32(0.8)), (0, -1, -1, 0, np.float32(0.2))]
     ]
 
@@ -47,9 +47,9 @@ def test_interactions_within_the_kitchen_and_none_pass():
 )
 def test_impossible_intentions_are_refused(wrong, reason):
     with pytest.raises(WrongOutput, match=reason):
-        said(wrong, NONE)
+        checked(wrong, NONE)
 
 
 def test_intentions_of_another_shape_are_refused():
     with pytest.raises(WrongOutput, match=r"shape \(1, 1\)"):
-        said(NONE)
+        checked(NONE)

@@ -75,7 +75,7 @@ def test_an_agent_saved_in_16_bits_plays_as_before(tmp_path: Path, kind: str) ->
     np.testing.assert_allclose(before, after, atol=5e-3)
 
 
-def test_a_checkpoint_of_something_else_is_no_agent(tmp_path: Path) -> None:
+def test_a_checkpoint_of_something_else_is_not_an_agent(tmp_path: Path) -> None:
     _saved(tmp_path / "one")
     with pytest.raises(CheckpointError, match="not a readable agent"):
         load_network(tmp_path / "one")

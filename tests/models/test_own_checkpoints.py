@@ -51,7 +51,7 @@ def test_a_link_out_of_the_folder_is_not_followed(own: OwnCheckpoints, tmp_path:
     assert OwnCheckpoints(tmp_path / "here").find("nook", "mine") is not None, "the folder itself may be a link"
 
 
-def test_a_kept_checkpoint_outlives_the_next_training(own: OwnCheckpoints) -> None:
+def test_a_kept_checkpoint_is_not_changed_by_the_next_training(own: OwnCheckpoints) -> None:
     before = load_checkpoint(SP).sha256
     own.keep("nook", "mine", before)
     own.keep("nook", "mine", before)

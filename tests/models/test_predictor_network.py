@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from models.inference.predictor_numpy import at_work as at_work_of
-from models.inference.predictor_numpy import load_trained_predictor
+from models.inference.predictor_numpy import load_trained_predictor, numpy_predictor
 from models.networks.checkpoint import CheckpointError
 from models.networks.config import IntentionConfig, PredictorConfig
 from models.networks.predictor import PredictorNetwork, one_hot, predictor_network, save_predictor
@@ -27,9 +26,9 @@ def network(form, encoder="columns", seed=0, intentions=None):
     return made.eval()
 
 
-def at_work(made):
+def as_numpy(made):
     tensors = {name: tensor.numpy() for name, tensor in made.state_dict().items()}
-    return at_work_of(made.config, tensors, RING, made.intentions.config if made.intentions else None)
+    return numpy_predictor(made.config, tensors, RING, made.intentions.config if made.intentions else None)
 
 
 def played(games, timesteps, seed=0):
@@ -78,14 +77,14 @@ def test_timestep_by_timestep_equals_one_piece(form, encoder):
     observations, actions = played(5, 25)
     made = network(form, encoder)
     expected = in_one_piece(made, observations, actions)
-    assert np.abs(step_by_step(at_work(made), observations, actions) - expected).max() < 1e-4
+    assert np.abs(step_by_step(as_numpy(made), observations, actions) - expected).max() < 1e-4
     assert expected.std(axis=1).max() > 0.01
 
 
 @pytest.mark.parametrize("form", ["stream", "window"])
 def test_memory_is_all_that_a_restart_needs(form):
     observations, actions = played(2, 60)
-    predictor = at_work(network(form))
+    predictor = as_numpy(network(form))
     whole = step_by_step(predictor, observations, actions)[:, -1]
     newest = slice(observations.shape[1] - predictor.memory, None)
     again = step_by_step(predictor, observations[:, newest], actions[:, newest])[:, -1]
@@ -95,7 +94,7 @@ def test_memory_is_all_that_a_restart_needs(form):
 @pytest.mark.parametrize("form", ["stream", "window"])
 def test_a_game_does_not_depend_on_the_other_games_of_its_batch(form):
     observations, actions = played(70, 6)
-    predictor = at_work(network(form))
+    predictor = as_numpy(network(form))
     together = step_by_step(predictor, observations, actions)
     alone = step_by_step(predictor, observations[66:67], actions[66:67])
     assert np.abs(together[66] - alone[0]).max() < 1e-4
@@ -103,9 +102,9 @@ def test_a_game_does_not_depend_on_the_other_games_of_its_batch(form):
 
 @pytest.mark.parametrize("form", ["stream", "window"])
 def test_a_restarted_slot_has_no_memory_of_the_previous_game(form):
-    predictor = at_work(network(form))
+    predictor = as_numpy(network(form))
     first, second = played(3, 20, seed=1), played(3, 20, seed=2)
-    fresh = step_by_step(at_work(network(form)), *second)
+    fresh = step_by_step(as_numpy(network(form)), *second)
     step_by_step(predictor, *first)
     assert np.array_equal(step_by_step(predictor, *second), fresh)
 
@@ -126,7 +125,7 @@ def test_saved_predictor_gives_the_same_predictions_and_its_accuracy(tmp_path):
     save_predictor(tmp_path / "p", made, RING, "sp", "A card.", accuracy={"mean": 0.81})
     loaded, accuracy = load_trained_predictor(tmp_path / "p", RING)
     assert accuracy == 0.81
-    expected = step_by_step(at_work(made), observations, actions)
+    expected = step_by_step(as_numpy(made), observations, actions)
     assert np.abs(step_by_step(loaded, observations, actions) - expected).max() < 0.02
 
 
@@ -152,13 +151,13 @@ def said_in_one_piece(made, observations, actions):
 
 
 @pytest.mark.parametrize("form", ["stream", "window"])
-def test_intentions_at_work_equal_those_of_the_network_that_was_trained(form):
+def test_numpy_intentions_equal_those_of_the_trained_network(form):
     observations, actions = played(9, 14)
     made = network(form, intentions=IntentionConfig(hidden=48, when_hidden=16))
     with torch.no_grad():
         made.intentions.temperature[:] = torch.tensor([0.7, 1.6])
     expected = said_in_one_piece(made, observations, actions)
-    predictor = at_work(made)
+    predictor = as_numpy(made)
     step_by_step(predictor, observations, actions)
     said = predictor.intentions(np.arange(9), observations[:, -1], actions[:, -1])
     found = [[POSSIBLE.index(tuple(each)) for each in game] for game in said[["kind", "x", "y"]].tolist()]
@@ -170,7 +169,7 @@ def test_intentions_at_work_equal_those_of_the_network_that_was_trained(form):
 
 def test_a_predictor_without_a_decoder_says_no_intentions():
     observations, actions = played(3, 2)
-    predictor = at_work(network("stream"))
+    predictor = as_numpy(network("stream"))
     step_by_step(predictor, observations, actions)
     assert not predictor.intentions(np.arange(3), observations[:, -1], actions[:, -1])["probability"].any()
 
@@ -181,7 +180,7 @@ def test_a_predictor_of_another_kitchen_is_refused(tmp_path):
         load_trained_predictor(tmp_path / "p", load_layout("matrix"))
 
 
-def test_an_agent_is_no_predictor(tmp_path):
+def test_an_agent_is_not_a_predictor(tmp_path):
     from models.networks.checkpoint import load_checkpoint, save_checkpoint
 
     save_checkpoint(tmp_path / "a", {"format": "other"}, {"x": torch.zeros(1)}, "A card.")

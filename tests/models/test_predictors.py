@@ -38,7 +38,7 @@ class Knowing:
         return answer
 
 
-class Planning(Knowing):
+class PlanningPredictor(Knowing):
     """Also predicts an intention: an onion, or otherwise a dish."""
 
     def intentions(self, slots, observations, last_actions):
@@ -60,7 +60,7 @@ def test_a_degraded_predictor_is_right_as_often_as_wanted(accuracy, wanted):
     assert measured(DegradedPredictor(Knowing(accuracy), accuracy, wanted)) == pytest.approx(wanted, abs=0.02)
 
 
-def test_a_degraded_predictor_says_the_same_about_the_same_state():
+def test_a_degraded_predictor_predicts_the_same_for_the_same_state():
     observations = np.random.default_rng(2).integers(0, 6, (4, 5, 5, 26)).astype(np.int8)
     actions = np.zeros((4, 2), np.int8)
     answers = [DegradedPredictor(Knowing(1.0), 1.0, 0.5).predict(SLOTS, observations, actions) for _ in range(2)]
@@ -90,8 +90,8 @@ def test_names_lead_to_predictors_or_to_an_error_that_lists_them():
         load_predictor("guide@5", RING)
 
 
-def test_a_degraded_predictor_says_the_runner_up_first_as_often_as_it_replaces_steps():
-    predictor = DegradedPredictor(Planning(1.0), 1.0, 0.6)
+def test_a_degraded_predictor_puts_the_runner_up_first_as_often_as_it_replaces_steps():
+    predictor = DegradedPredictor(PlanningPredictor(1.0), 1.0, 0.6)
     observations = np.random.default_rng(3).integers(0, 6, (2000, 2, 2, 26)).astype(np.int8)
     said = predictor.intentions(np.arange(2000), observations, np.zeros((2000, 2), np.int8))
     assert (said["kind"][:, 0] == 2).mean() == pytest.approx(0.4, abs=0.04)
@@ -101,7 +101,7 @@ def test_a_degraded_predictor_says_the_runner_up_first_as_often_as_it_replaces_s
     }
 
 
-def test_a_name_tells_whether_its_predictor_says_intentions():
+def test_the_list_of_predictors_shows_which_have_intentions():
     assert has_intentions("guide", RING)
     assert has_intentions("guide@60", RING)
     assert not has_intentions("random", RING)

@@ -34,7 +34,7 @@ FIELDS = ("players", "contents")
 NEVER_S = 600.0  # on a busy machine a healthy worker may need longer than a server of a game would wait
 
 
-class Game:
+class AskedGame:
     """A game played elsewhere: random joint actions, all states kept."""
 
     def __init__(self, name: str, seed: int = 0, layout: str = LAYOUT) -> None:
@@ -44,7 +44,7 @@ class Game:
         self.states = [self.kitchens.copy()]
         self.actions = [(-1, -1)]
 
-    def play(self, timesteps: int = 1) -> "Game":
+    def play(self, timesteps: int = 1) -> "AskedGame":
         events = np.zeros((1, 2), np.int32)
         for _ in range(timesteps):
             joint = self.draws.integers(0, 6, (1, 2)).astype(np.int8)
@@ -118,7 +118,7 @@ def test_server_side_never_loads_torch():
 
 @in_one_loop
 async def test_agent_and_predictor_answer_together(shared):
-    (decision,) = await shared.ask([Game("a").question(NORTHWARD, "random")], PATIENT_MS)
+    (decision,) = await shared.ask([AskedGame("a").question(NORTHWARD, "random")], PATIENT_MS)
     assert decision.action == NORTH
     assert decision.probabilities == pytest.approx((1, 0, 0, 0, 0, 0))
     assert np.allclose(decision.prediction, 1 / 6)
@@ -127,14 +127,17 @@ async def test_agent_and_predictor_answer_together(shared):
 @in_one_loop
 async def test_the_given_number_draws_the_action(shared):
     uniforms = [0.01, 0.2, 0.4, 0.6, 0.7, 0.99]
-    asked = [Game(f"g{k}").question(EVEN, uniform=uniform) for k, uniform in enumerate(uniforms)]
+    asked = [AskedGame(f"g{k}").question(EVEN, uniform=uniform) for k, uniform in enumerate(uniforms)]
     assert [decision.action for decision in await shared.ask(asked, PATIENT_MS)] == [0, 1, 2, 3, 4, 5]
 
 
 @in_one_loop
-async def test_a_jammed_agent_is_mixed_as_its_mode_says(shared):
+async def test_a_jammed_agent_is_mixed_as_its_mode_requires(shared):
     free, jammed = await shared.ask(
-        [Game("a").question(JAMMING, uniform=0.6, stuck=1), Game("b").question(JAMMING, uniform=0.6, stuck=2)],
+        [
+            AskedGame("a").question(JAMMING, uniform=0.6, stuck=1),
+            AskedGame("b").question(JAMMING, uniform=0.6, stuck=2),
+        ],
         PATIENT_MS,
     )
     assert (free.action, jammed.action) == (NORTH, EAST)
@@ -143,23 +146,23 @@ async def test_a_jammed_agent_is_mixed_as_its_mode_says(shared):
 
 @in_one_loop
 async def test_a_watched_human_is_only_predicted(shared):
-    (decision,) = await shared.ask([Game("a").question(predictor="random")], PATIENT_MS)
+    (decision,) = await shared.ask([AskedGame("a").question(predictor="random")], PATIENT_MS)
     assert (decision.action, decision.probabilities) == (STAY, ())
     assert len(decision.prediction) == 3
 
 
 @in_one_loop
-async def test_a_decision_has_the_intentions_of_the_newest_state_where_the_predictor_says_some(shared):
-    games = [Game(f"g{k}", seed=k).play(k) for k in range(4)]
+async def test_a_decision_has_the_intentions_of_the_newest_state_if_there_are_any(shared):
+    games = [AskedGame(f"g{k}", seed=k).play(k) for k in range(4)]
     for k, decision in enumerate(await shared.ask([game.question(predictor=PLANNING) for game in games], PATIENT_MS)):
         assert decision.intentions == (Intention(0, -1, -1, 0, 0.75), Intention(1, 2 * (k + 1) // 4, 2, 5, 0.25))
-    (decision,) = await shared.ask([Game("a").question(NORTHWARD, "random")], PATIENT_MS)
+    (decision,) = await shared.ask([AskedGame("a").question(NORTHWARD, "random")], PATIENT_MS)
     assert decision.intentions == ()
 
 
 @in_one_loop
-async def test_games_of_many_lengths_are_told_apart(shared):
-    games = [Game(f"g{k}", seed=k).play(k) for k in range(12)]
+async def test_games_of_many_lengths_are_distinguished(shared):
+    games = [AskedGame(f"g{k}", seed=k).play(k) for k in range(12)]
     together = await shared.ask([game.question(predictor=REMEMBERING) for game in games], PATIENT_MS)
     for game, decision in zip(games, together, strict=True):
         seen = np.array(game.actions[-8:]).sum()
@@ -174,7 +177,7 @@ def new_workers(server, count, killed):
 @in_one_loop
 async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened(serving_beside, shared):
     server = await serving_beside([EVEN], [REMEMBERING], hang_s=NEVER_S)
-    game = Game("a", seed=3)
+    game = AskedGame("a", seed=3)
     for timestep in range(30):
         question = game.play().question(EVEN, REMEMBERING, uniform=timestep / 30)
         if timestep == 20:
@@ -196,7 +199,7 @@ async def test_a_restarted_worker_refuses_a_file_that_has_changed(serving, tmp_p
     linear_agent(path, shape, seed=1, weights_file=weights_file)
     first = {file: file.read_bytes() for file in tmp_path.iterdir()}
     server = await serving([str(path)])
-    (before,) = await server.ask([Game("a").question(str(path), uniform=0.7)], PATIENT_MS)
+    (before,) = await server.ask([AskedGame("a").question(str(path), uniform=0.7)], PATIENT_MS)
     linear_agent(path, shape, seed=2, weights_file=weights_file)
 
     async def killed():
@@ -209,18 +212,18 @@ async def test_a_restarted_worker_refuses_a_file_that_has_changed(serving, tmp_p
     if server.worker_pids():  # a spare that was loaded before the change: it is gone now too
         await killed()
     await until(lambda: "files have changed since the server started" in caplog.text)
-    assert await server.ask([Game("b").question(str(path))], 50) == [None]
+    assert await server.ask([AskedGame("b").question(str(path))], 50) == [None]
     for file, content in first.items():
         file.write_bytes(content)
     await until(lambda: all(server.worker_pids()) and server.worker_pids())
-    (after,) = await server.ask([Game("c").question(str(path), uniform=0.7)], PATIENT_MS)
+    (after,) = await server.ask([AskedGame("c").question(str(path), uniform=0.7)], PATIENT_MS)
     assert after.probabilities == before.probabilities
 
 
 async def test_a_worker_that_hangs_is_replaced(serving):
     hanging = "tests.support.foreign_models:Hanging"
     server = await serving([hanging], hang_s=0.3)
-    good, bad = Game("a"), Game("b")
+    good, bad = AskedGame("a"), AskedGame("b")
     bad.states[-1].contents[0, 0, 0] = SOUP  # on the counter in the corner
     assert await server.ask([bad.question(hanging)], 50) == [None]
     await until(lambda: server.statistics().restarts == 1)
@@ -231,7 +234,7 @@ async def test_a_worker_that_hangs_is_replaced(serving):
 async def test_a_late_answer_is_dropped_and_the_next_is_in_time(serving):
     slow = "tests.support.foreign_models:SlowAfterWarming"
     server = await serving([slow])
-    game = Game("a")
+    game = AskedGame("a")
     assert await server.ask([game.question(slow)], 20) == [None]
     (decision,) = await server.ask([game.play().question(slow, uniform=0.99)], PATIENT_MS)
     assert decision.action == 5
@@ -242,15 +245,15 @@ async def test_a_late_answer_is_dropped_and_the_next_is_in_time(serving):
 async def test_a_slow_agent_delays_no_other(serving):
     slow = "tests.support.foreign_models:SlowAfterWarming"
     server = await serving([slow, NORTHWARD])
-    late, quick = await server.ask([Game("a").question(slow), Game("b").question(NORTHWARD)], 150)
+    late, quick = await server.ask([AskedGame("a").question(slow), AskedGame("b").question(NORTHWARD)], 150)
     assert late is None
     assert quick.action == NORTH
 
 
-async def test_nan_is_no_answer_and_is_counted(serving):
+async def test_nan_is_not_an_answer_and_is_counted(serving):
     broken = "tests.support.foreign_models:BrokenAfterWarming"
     server = await serving([broken])
-    game = Game("a")
+    game = AskedGame("a")
     answers = [(await server.ask([game.play().question(broken)], PATIENT_MS))[0] for _ in range(8)]
     assert answers == [None] * 8
     counted = server.statistics().faults
@@ -269,9 +272,9 @@ async def test_added_models_answer_together_with_the_earlier_ones(serving):
     server = await serving([NORTHWARD])
     with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):
         await server.add([(LAYOUT, "planner"), (LAYOUT, "no_such_module:Agent")], [], {}, ModelPaths())
-    assert await server.ask([Game("a").question("planner")], PATIENT_MS) == [None]
+    assert await server.ask([AskedGame("a").question("planner")], PATIENT_MS) == [None]
     await server.add([(LAYOUT, NORTHWARD), (LAYOUT, "planner")], [(LAYOUT, "random")], {}, ModelPaths())
-    asked = [Game("a").question(NORTHWARD), Game("b").question("planner", "random")]
+    asked = [AskedGame("a").question(NORTHWARD), AskedGame("b").question("planner", "random")]
     northward, planner = await server.ask(asked, PATIENT_MS)
     assert northward.action == NORTH
     assert len(planner.prediction) == 3
@@ -282,24 +285,24 @@ async def test_two_kitchens_of_one_name_have_models_of_their_own_until_one_is_dr
     server = await serving([NORTHWARD])
     apart = f"{LAYOUT}#another"  # called as the bundled one, with the grid of another
     await server.add([(apart, "planner")], [(apart, "random")], {apart: load_layout("cramped_room").text}, ModelPaths())
-    other = Game("b", layout="cramped_room")
+    other = AskedGame("b", layout="cramped_room")
     other.layout = apart
-    northward, planner = await server.ask([Game("a").question(NORTHWARD), other.question("planner")], PATIENT_MS)
+    northward, planner = await server.ask([AskedGame("a").question(NORTHWARD), other.question("planner")], PATIENT_MS)
     assert (northward.action, sum(planner.probabilities)) == (NORTH, pytest.approx(1))
     await server.drop(apart)
     assert len(server.worker_pids()) == 1
-    northward, gone = await server.ask([Game("a").question(NORTHWARD), other.question("planner")], PATIENT_MS)
+    northward, gone = await server.ask([AskedGame("a").question(NORTHWARD), other.question("planner")], PATIENT_MS)
     assert (northward.action, gone) == (NORTH, None)
 
 
 @in_one_loop
 async def test_an_unknown_model_is_not_answered(shared):
-    assert await shared.ask([Game("a").question("somebody_else")], 50) == [None]
+    assert await shared.ask([AskedGame("a").question("somebody_else")], 50) == [None]
 
 
 @in_one_loop
 async def test_a_forgotten_game_starts_from_scratch(shared):
-    game = Game("a", seed=1).play(5)
+    game = AskedGame("a", seed=1).play(5)
     before = await shared.ask([game.question(predictor=REMEMBERING)], PATIENT_MS)
     shared.forget(game.name)
     assert await shared.ask([game.question(predictor=REMEMBERING)], PATIENT_MS) == before
@@ -307,7 +310,7 @@ async def test_a_forgotten_game_starts_from_scratch(shared):
 
 @in_one_loop
 async def test_asking_twice_about_one_state_gives_the_same_answer(shared):
-    game = Game("a", seed=2)
+    game = AskedGame("a", seed=2)
     for _ in range(12):
         question = game.play().question(predictor=REMEMBERING)
         assert await shared.ask([question], PATIENT_MS) == await shared.ask([question], PATIENT_MS)
@@ -335,7 +338,7 @@ def same(one, other):
 @in_one_loop
 async def test_after_late_answers_a_game_is_predicted_as_if_nothing_had_happened(serving_beside, undisturbed):
     server = await serving_beside(["sp"], ["sp_predictor_stream"])
-    game, other = Game("a", seed=4), Game("b", seed=5)
+    game, other = AskedGame("a", seed=4), AskedGame("b", seed=5)
     for timestep in range(24):
         asked = [each.play().question("sp", "sp_predictor_stream") for each in (game, other)]
         (pid,) = server.worker_pids()
@@ -354,7 +357,7 @@ async def test_after_late_answers_a_game_is_predicted_as_if_nothing_had_happened
 @in_one_loop
 async def test_what_waits_at_a_worker_is_answered_together_and_as_alone(serving_beside, undisturbed):
     server = await serving_beside(["sp", NORTHWARD], ["sp_predictor_stream"])
-    games = [Game(f"g{k}", seed=k).play(k) for k in range(12)]
+    games = [AskedGame(f"g{k}", seed=k).play(k) for k in range(12)]
     for _ in range(3):
         asked = [game.play().question("sp", "sp_predictor_stream", uniform=0.3) for game in games]
         pid = server.worker_pids()[0]
@@ -366,11 +369,11 @@ async def test_what_waits_at_a_worker_is_answered_together_and_as_alone(serving_
             assert same(answer[0], (await undisturbed.ask([question], PATIENT_MS))[0])
 
 
-async def test_a_worker_that_owes_old_answers_is_asked_nothing_more(serving):
+async def test_a_worker_with_unanswered_questions_gets_no_new_ones(serving):
     server = await serving(predictors=[REMEMBERING])
     pid = server.worker_pids()[0]
     os.kill(pid, signal.SIGSTOP)
-    game = Game("a", seed=6)
+    game = AskedGame("a", seed=6)
     for _ in range(4):
         assert await server.ask([game.play().question(predictor=REMEMBERING)], 30) == [None]
     os.kill(pid, signal.SIGCONT)

@@ -24,7 +24,7 @@ def _played(name: str, timesteps: int, games: int = 6) -> Kitchens:
 
 
 @pytest.mark.parametrize("name", layout_names())
-def test_sight_tells_what_the_state_holds(name: str) -> None:
+def test_the_parsed_observation_equals_the_state(name: str) -> None:
     kitchens = _played(name, 150)
     seen = kitchens.encode()
     for game in range(kitchens.games):
@@ -82,7 +82,7 @@ def test_a_planner_cooks_with_a_partner_who_only_waits() -> None:
     assert play(layout, (planner, waiter), 2, seed=0).scores.min() >= 40
 
 
-def test_the_guides_next_actions_come_as_predicted_while_nobody_crosses_its_way() -> None:
+def test_the_guides_next_actions_are_as_predicted_while_nobody_blocks_it() -> None:
     layout = load_layout("practice")
     policy, _ = load_agent("guide", layout)
     predictor = load_predictor("guide", layout)

@@ -143,7 +143,7 @@ def test_file_in_another_encoding_is_refused_with_the_remedy(tmp_path: Path) -> 
         load_layout(file)
 
 
-def test_name_out_of_a_file_is_no_path(tmp_path: Path) -> None:
+def test_name_out_of_a_file_is_not_a_path(tmp_path: Path) -> None:
     file = tmp_path / "mine.layout"
     file.write_text(RING)
     assert bundled_layout("coordination_ring").text == RING

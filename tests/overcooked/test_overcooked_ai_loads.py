@@ -1,4 +1,4 @@
-"""overcooked_ai's own code, in an environment of its own, loads the trajectories that we write."""
+"""overcooked_ai's own code, in a separate environment, loads the trajectories that we write."""
 
 import gzip
 import json

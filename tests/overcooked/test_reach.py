@@ -33,12 +33,12 @@ def test_a_soup_gets_from_hand_to_hand_only_where_both_can_stand(grid: str, toge
     assert kitchen_reach(parse_layout(grid)).together is together
 
 
-def test_floor_that_nobody_reaches_is_told() -> None:
+def test_unreachable_floor_is_reported() -> None:
     found = kitchen_reach(parse_layout("XXPXXXX\nO12DX X\nXXSXXXX"))
     assert found.unused == {(5, 1)}
 
 
-def test_all_problems_of_a_grid_are_told_at_once_and_the_first_is_raised() -> None:
+def test_all_problems_of_a_grid_are_reported_at_once_and_the_first_is_raised() -> None:
     text = "XX X\nXT1X\nXXX"
     problems = layout_problems(text, "nook")
     assert [(one.row, one.column) for one in problems if one.row] == [(1, 3), (2, 2), (3, 4)]
@@ -48,7 +48,7 @@ def test_all_problems_of_a_grid_are_told_at_once_and_the_first_is_raised() -> No
     assert str(raised.value) == str(problems[0])
 
 
-def test_every_station_that_nobody_reaches_is_told() -> None:
+def test_every_unreachable_station_is_reported() -> None:
     problems = layout_problems("XXPXX\nO1 2D\nXXXSX\nPXXXP")
     assert [(one.row, one.column) for one in problems] == [(4, 1), (4, 5)]
     assert all("nobody can reach this pot" in one.reason for one in problems)

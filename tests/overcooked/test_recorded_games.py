@@ -55,7 +55,7 @@ def test_a_state_that_does_not_follow_is_refused_with_line_and_remedy(
         (lambda lines: lines[5].pop("a"), "line 7: a state follows a state without an action"),
     ],
 )
-def test_lines_that_are_no_recorded_game_are_refused(
+def test_lines_that_are_not_a_recorded_game_are_refused(
     tmp_path: Path, lines: list[dict[str, Any]], change: Any, words: str
 ) -> None:
     change(lines)

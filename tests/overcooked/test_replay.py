@@ -78,9 +78,9 @@ def test_episode_without_actions_has_its_start(tmp_path: Path) -> None:
         ({**GOOD, "layout": "x" * 5000}, "x"),
         ({**GOOD, "layout": "XXX\nX1\n"}, "row 2, column 3: the row has 2 cells"),
         ("[]", "a line is an object"),
-        ("", "this is no JSON"),
-        ('{"layout": "matrix", "joint', "this is no JSON"),
-        ("[" * 100_000, "this is no JSON"),
+        ("", "this is not JSON"),
+        ('{"layout": "matrix", "joint', "this is not JSON"),
+        ("[" * 100_000, "this is not JSON"),
     ],
 )
 def test_broken_line_is_refused_with_its_number_and_nothing_is_written(
@@ -99,7 +99,7 @@ def test_broken_log_leaves_an_earlier_result_alone(tmp_path: Path) -> None:
     assert (tmp_path / "out.jsonl").read_text() == "earlier"
 
 
-def test_bytes_that_are_no_text_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bytes_that_are_not_text_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "in.jsonl").write_bytes(b'{"layout": "\xff\xfe"}\n')
     assert kitchenmind.main(["replay", str(tmp_path / "in.jsonl"), "--states", str(tmp_path / "out.jsonl")]) == 2
     assert "line 1" in capsys.readouterr().err

@@ -43,7 +43,7 @@ def test_hash_of_a_full_kitchen_is_the_same_on_every_machine(kitchen: Kitchens) 
     assert kitchen.hash() == HASH_OF_A_FULL_KITCHEN
 
 
-def test_hash_tells_layouts_and_timesteps_apart(kitchen: Kitchens) -> None:
+def test_hashes_of_layouts_and_timesteps_differ(kitchen: Kitchens) -> None:
     later = kitchen.copy()
     later.timestep += 1
     assert len({*START_HASHES.values(), later.hash()}) == len(START_HASHES) + 1
@@ -81,7 +81,7 @@ def test_copy_shares_nothing(kitchen: Kitchens) -> None:
         {"t": 1, "p": [[1, 1, 3, None], [3, 2, 2, None]], "c": []},
     ],
 )
-def test_record_that_is_none_is_refused_and_changes_nothing(kitchen: Kitchens, broken: dict[str, object]) -> None:
+def test_an_invalid_record_is_refused_and_changes_nothing(kitchen: Kitchens, broken: dict[str, object]) -> None:
     before = kitchen.hash()
     with pytest.raises((ValueError, KeyError)):
         kitchen.restore(broken)

@@ -145,7 +145,7 @@ def test_older_trajectories_of_other_rules_are_refused_with_what_differs(
         list(read_trajectories(written))
 
 
-def test_layout_name_of_a_trajectory_is_no_path(written: Path, tmp_path: Path) -> None:
+def test_layout_name_of_a_trajectory_is_not_a_path(written: Path, tmp_path: Path) -> None:
     (tmp_path / "other.layout").write_text(load_layout("coordination_ring").text)
     columns = json.loads(written.read_text())
     for parameters in columns["mdp_params"]:

@@ -1,4 +1,4 @@
-"""The whole application with somebody of every role in it: who they are, and how they send requests."""
+"""The whole application with a client of every role: accounts, cookies and requests."""
 
 import hashlib
 import re
@@ -80,7 +80,7 @@ class PopulatedServer:
         person = self.database.read_now(lambda connection: connection.execute(query).scalar_one())
         row = self.database.read_now(get, person)
         studies = self.app.state.services.web.studies
-        step = next(one for one in studies.way(row) if one.kind == "episode")
+        step = next(one for one in studies.steps_of(row) if one.kind == "episode")
         spec = episode_spec(studies.of(row), step, row.condition, "en")
         new = episodes.NewEpisode(spec, step.key, (person, None), row.study_id, row.condition)
         return person, self.database.write_now(episodes.create, new)

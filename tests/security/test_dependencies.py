@@ -49,7 +49,7 @@ LOADED_BY_NAME = {"uvloop": "uvicorn, as `loop`", "websockets": "uvicorn, as `ws
 IMPORTED_AS = {"argon2-cffi": "argon2", "markdown-it-py": "markdown_it", "pyyaml": "yaml"}
 
 
-def test_whatever_a_server_installs_is_imported_somewhere() -> None:
+def test_every_dependency_of_the_server_is_imported_somewhere() -> None:
     imported = {
         name.split(".")[0]
         for file in (ROOT / package for package in ("overcooked", "models", "training", "analysis", "server"))

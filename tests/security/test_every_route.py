@@ -170,7 +170,7 @@ def try_route(server: Any, route: str, role: str) -> None:
         assert answer.status_code not in (401, 403) or route == "POST /admin/login", f"{role} at {route}: {answer.text}"
 
 
-def test_nobody_withdraws_somebody_else(server: Any) -> None:
+def test_a_participant_can_withdraw_only_themselves(server: Any) -> None:
     for role in ("anonymous", "other", "watch", "own"):
         server.request("POST /s/{name}/withdraw", role)
     query = select(participants.c.id).where(participants.c.id == server.person)
@@ -204,7 +204,7 @@ def try_socket(server: Any, route: str, role: str) -> None:
             connect(url, additional_headers=headers, origin=origin)  # type: ignore[arg-type]
 
 
-def test_what_belongs_to_another_study_is_not_found_in_this_one(server: Any) -> None:
+def test_the_episodes_of_another_study_are_not_found_in_this_one(server: Any) -> None:
     server.sign_in("own")
     for path in (f"person/{server.person}", f"game/{server.episode}", f"game/{server.episode}/record.json"):
         with server.client(server.cookies["own"]) as client:

@@ -1,4 +1,4 @@
-"""Guessing passwords and codes: the limit holds for simultaneous requests, and no stranger can lock the owner out. The
+"""Guessing passwords and codes: the limit holds for simultaneous requests, and no attacker can lock the owner out. The
 whole application behind a proxy, as in production: the proxy tells the client's address.
 """
 
@@ -14,7 +14,7 @@ from argon2 import PasswordHasher
 import kitchenmind
 from server.store import admins
 from server.store.attempts import LIMIT
-from server.web.guess_limits import CODE, MOST_WAITING, MOST_WAITING_OF_ONE, PASSWORD_OF_KNOWN, Busy, Hashing, Origin
+from server.web.guess_limits import CODE, MAX_WAITING, MAX_WAITING_OF_ONE, PASSWORD_OF_KNOWN, Busy, Hashing, Origin
 from server.web.guess_limits import PASSWORD as BY_PASSWORD
 from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY
@@ -22,7 +22,7 @@ from tests.support.real_server import SHORT_STUDY
 PUBLIC = "https://lab.example.org"
 PASSWORD = "long enough for a test"
 QUICK_HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)
-OWNER, STRANGER = "198.51.100.7", "203.0.113.9"
+OWNER, ATTACKER = "198.51.100.7", "203.0.113.9"
 
 
 @pytest.fixture(scope="module")
@@ -66,26 +66,26 @@ def wrong(times: int) -> list[str]:
 
 
 async def test_of_thirty_guesses_at_once_five_are_checked(live: LiveServer, ada: str) -> None:
-    async with browser(live, STRANGER) as stranger:
-        statuses = Counter(await sign_in(stranger, ada, *wrong(29), PASSWORD))
+    async with browser(live, ATTACKER) as attacker:
+        statuses = Counter(await sign_in(attacker, ada, *wrong(29), PASSWORD))
         assert statuses == {401: LIMIT, 429: 30 - LIMIT} or statuses == {401: LIMIT, 303: 1, 429: 29 - LIMIT}
-        assert Counter(await sign_in(stranger, "nobody", *wrong(30))) == {401: LIMIT, 429: 30 - LIMIT}
+        assert Counter(await sign_in(attacker, "nobody", *wrong(30))) == {401: LIMIT, 429: 30 - LIMIT}
 
 
 async def test_an_address_that_a_browser_claims_gives_no_more_tries(live: LiveServer, ada: str) -> None:
     """As a proxy writes it that adds the address it sees to whatever came."""
     for number in range(LIMIT + 1):
-        async with browser(live, f"192.0.2.{number}, {STRANGER}") as stranger:
-            assert await sign_in(stranger, ada, "a guess") == [401 if number < LIMIT else 429]
-    async with browser(live, STRANGER) as stranger, browser(live, f"{STRANGER}, {OWNER}") as owner:
-        assert await sign_in(stranger, ada, PASSWORD) == [429]
+        async with browser(live, f"192.0.2.{number}, {ATTACKER}") as attacker:
+            assert await sign_in(attacker, ada, "a guess") == [401 if number < LIMIT else 429]
+    async with browser(live, ATTACKER) as attacker, browser(live, f"{ATTACKER}, {OWNER}") as owner:
+        assert await sign_in(attacker, ada, PASSWORD) == [429]
         assert await sign_in(owner, ada, PASSWORD) == [303]
 
 
 async def test_an_ipv6_network_has_the_tries_of_one_address(live: LiveServer, ada: str) -> None:
     for number in range(LIMIT + 1):
-        async with browser(live, f"2001:db8:0:1::{number:x}") as stranger:
-            assert await sign_in(stranger, ada, "a guess") == [401 if number < LIMIT else 429]
+        async with browser(live, f"2001:db8:0:1::{number:x}") as attacker:
+            assert await sign_in(attacker, ada, "a guess") == [401 if number < LIMIT else 429]
     async with browser(live, "2001:db8:0:2::1") as owner:
         assert await sign_in(owner, ada, PASSWORD) == [303]
 
@@ -99,29 +99,29 @@ async def test_right_passwords_use_up_no_tries(live: LiveServer, ada: str) -> No
 
 
 async def test_guesses_from_another_address_lock_nobody_out(live: LiveServer, ada: str) -> None:
-    async with browser(live, STRANGER) as stranger, browser(live, OWNER) as owner, browser(live, STRANGER) as shared:
-        await sign_in(stranger, ada, *wrong(29))
-        assert await sign_in(stranger, ada, PASSWORD) == [429]
+    async with browser(live, ATTACKER) as attacker, browser(live, OWNER) as owner, browser(live, ATTACKER) as shared:
+        await sign_in(attacker, ada, *wrong(29))
+        assert await sign_in(attacker, ada, PASSWORD) == [429]
         assert await sign_in(owner, ada, PASSWORD) == [303], "from another address"
-        assert await sign_in(shared, "mara", PASSWORD) == [303], "another account, from the stranger's address"
+        assert await sign_in(shared, "mara", PASSWORD) == [303], "another account, from the attacker's address"
 
 
 async def test_a_browser_that_was_signed_in_before_can_sign_in_while_others_guess(live: LiveServer, ada: str) -> None:
-    async with browser(live, STRANGER) as known, browser(live, STRANGER) as stranger:
+    async with browser(live, ATTACKER) as known, browser(live, ATTACKER) as attacker:
         assert await sign_in(known, ada, PASSWORD) == [303]
-        await sign_in(stranger, ada, *wrong(10))
-        assert await sign_in(stranger, ada, PASSWORD) == [429]
+        await sign_in(attacker, ada, *wrong(10))
+        assert await sign_in(attacker, ada, PASSWORD) == [429]
         assert await sign_in(known, ada, PASSWORD) == [303]
         at_once = await sign_in(known, ada, *wrong(LIMIT + 1))
         assert Counter(at_once) == {401: LIMIT, 429: 1}, "and has no more tries than others"
-        stranger.headers["cookie"] = "__Secure-browser=" + "0" * 32 + "." + "0" * 64
-        assert await sign_in(stranger, ada, PASSWORD) == [429], "nobody makes such a mark"
+        attacker.headers["cookie"] = "__Secure-browser=" + "0" * 32 + "." + "0" * 64
+        assert await sign_in(attacker, ada, PASSWORD) == [429], "nobody makes such a mark"
 
 
 async def test_reset_lets_an_account_sign_in_at_once(
     live: LiveServer, ada: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async with browser(live, STRANGER) as owner:
+    async with browser(live, ATTACKER) as owner:
         assert await sign_in(owner, ada, *wrong(29), PASSWORD)
         assert await sign_in(owner, ada, PASSWORD) == [429]
         assert await asyncio.to_thread(kitchenmind.main, ["admin", "--database", live.database, "reset", ada]) == 0
@@ -130,11 +130,11 @@ async def test_reset_lets_an_account_sign_in_at_once(
 
 
 async def test_of_thirty_codes_at_once_five_are_looked_up(live: LiveServer) -> None:
-    async with browser(live, STRANGER) as stranger:
-        page = await stranger.get("/s/short/withdraw")
+    async with browser(live, ATTACKER) as attacker:
+        page = await attacker.get("/s/short/withdraw")
         token = re.findall(r'name="form_token" value="([^"]*)"', page.text)[0]
         forms = [{"form_token": token, "code": f"KM-{number}"} for number in range(30)]
-        answers = await asyncio.gather(*(stranger.post("/s/short/withdraw", data=form) for form in forms))
+        answers = await asyncio.gather(*(attacker.post("/s/short/withdraw", data=form) for form in forms))
         assert Counter(answer.status_code for answer in answers) == {422: LIMIT, 429: 30 - LIMIT}
 
 
@@ -147,11 +147,11 @@ def test_waiting_password_checks_are_bounded_and_known_browsers_have_places() ->
         place.__enter__()
         places.append(place)
 
-    for _ in range(MOST_WAITING_OF_ONE):
+    for _ in range(MAX_WAITING_OF_ONE):
         take(Origin(BY_PASSWORD, "one"))
     with pytest.raises(Busy):
         take(Origin(BY_PASSWORD, "one"))
-    for number in range(MOST_WAITING - MOST_WAITING_OF_ONE):
+    for number in range(MAX_WAITING - MAX_WAITING_OF_ONE):
         take(Origin(CODE, f"other {number}"))
     with pytest.raises(Busy):
         take(Origin(BY_PASSWORD, "somebody else"))

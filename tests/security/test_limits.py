@@ -11,7 +11,7 @@ import pytest
 from websockets.protocol import State
 
 from server.web import forms, rate_limits
-from server.web.participant.game_socket import MOST_OF_ONE
+from server.web.participant.game_socket import MAX_OF_ONE
 from tests.support.faults.group import SHORT_GAMES
 from tests.support.faults.recording_client import RecordingClient
 from tests.support.live_server import LiveServer
@@ -57,9 +57,9 @@ def test_an_address_has_a_budget_of_its_own() -> None:
 
 def test_the_number_of_remembered_participants_is_bounded() -> None:
     counted = rate_limits.Rates()
-    for number in range(rate_limits._MOST_REMEMBERED + 100):
+    for number in range(rate_limits._MAX_REMEMBERED + 100):
         counted.spend(str(number), 1, 1)
-    assert len(counted._buckets) == rate_limits._MOST_REMEMBERED
+    assert len(counted._buckets) == rate_limits._MAX_REMEMBERED
 
 
 async def test_a_form_that_trickles_in_is_given_up(live: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,7 +85,7 @@ async def test_a_form_that_is_sent_twenty_times_at_once_moves_on_once(live: Live
 async def test_a_participant_cannot_open_sockets_without_end(live: LiveServer) -> None:
     client = await enrolled(live)
     async with AsyncExitStack() as stack:
-        held = [await stack.enter_async_context(client.game().connect()) for _ in range(MOST_OF_ONE + 3)]
+        held = [await stack.enter_async_context(client.game().connect()) for _ in range(MAX_OF_ONE + 3)]
         for one in held[:3]:
             await asyncio.wait_for(one.wait_closed(), 10)
             assert one.close_code == 1008

@@ -31,7 +31,7 @@ def test_every_test_that_the_page_names_exists(page: str) -> None:
     assert sorted(named - names_of_tests()) == []
 
 
-def test_no_item_of_security_is_without_a_test() -> None:
+def test_every_item_of_the_security_page_has_a_test() -> None:
     assert [row[0] for row in rows_of("security.md") if "`test_" not in row[-1]] == []
 
 

@@ -19,7 +19,7 @@ from sqlalchemy import select
 import kitchenmind
 from server.settings import Settings
 from server.store import admins, audit, engines
-from server.store.admins import IDLE, LONGEST
+from server.store.admins import IDLE, MAX_SESSION
 from server.store.participants import new_token
 from server.store.tables import admin_sessions, participants
 from server.web.auth import CsrfProtection
@@ -114,7 +114,7 @@ def test_production_takes_random_secrets(make: Callable[[], str]) -> None:
 
 
 @pytest.mark.parametrize("command", [["admin", "list"], ["serve"], ["doctor"], ["verify"], ["export", "--out", "x"]])
-def test_a_setting_that_is_refused_tells_no_secret(
+def test_a_refused_setting_reveals_no_secret(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -164,7 +164,7 @@ def test_good_passwords_are_taken(good: str) -> None:
 
 def test_sessions_end_when_idle_and_after_a_day_s_work() -> None:
     assert IDLE.total_seconds() <= 2 * 3600
-    assert LONGEST.total_seconds() <= 12 * 3600
+    assert MAX_SESSION.total_seconds() <= 12 * 3600
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +184,7 @@ def form_of(page: httpx.Response) -> dict[str, str]:
     return dict(re.findall(r'name="([^"]*)" value="([^"]*)"', page.text))
 
 
-def test_behind_tls_cookies_are_guarded_in_every_way(secure: LiveServer) -> None:
+def test_behind_tls_cookies_have_every_protection(secure: LiveServer) -> None:
     with secure_client(secure) as client:
         consent = client.post("/s/short/consent", data=form_of(client.get("/s/short")) | {"box_0": "yes"})
         page = client.get("/admin/login")
@@ -201,7 +201,7 @@ def test_behind_tls_cookies_are_guarded_in_every_way(secure: LiveServer) -> None
     assert "path=/admin" in theirs.lower()
 
 
-def test_a_cookie_without_the_prefix_is_nobody_s_behind_tls(secure: LiveServer) -> None:
+def test_a_cookie_without_the_prefix_is_ignored_behind_tls(secure: LiveServer) -> None:
     with secure_client(secure) as client:
         answer = client.post("/s/short/consent", data=form_of(client.get("/s/short")) | {"box_0": "yes"})
         token = answer.headers["set-cookie"].partition("=")[2].partition(";")[0]
@@ -306,7 +306,7 @@ def test_the_log_holds_no_secret_and_no_line_of_somebody_else(tmp_path: Path) ->
     assert not [line for line in said.splitlines() if line.startswith("ERROR forged")]
 
 
-def test_the_audit_log_keeps_what_it_is_told_as_data(secure: LiveServer) -> None:
+def test_the_audit_log_escapes_its_texts(secure: LiveServer) -> None:
     database = secure.app.state.services.web.database
     database.write_now(audit.add, "ada", "test", {"text": 'x\n{"forged": 1}'})
     assert database.read_now(audit.first_forged) is None

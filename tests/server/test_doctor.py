@@ -24,7 +24,7 @@ STUDY = ROOT / "tests" / "data" / "small_study.yaml"
 
 @pytest.fixture
 def where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of one's own, with a secret that only its owner can read."""
+    """A folder with a secret that only its owner can read."""
     monkeypatch.setenv("KITCHENMIND_DATA", str(tmp_path))
     for name in ("MODE", "SECRET", "PUBLIC_URL", "STUDIES", "DATABASE"):
         monkeypatch.delenv(f"KITCHENMIND_{name}", raising=False)
@@ -41,7 +41,7 @@ def run(*words: str, capsys: pytest.CaptureFixture[str], study: Path = STUDY) ->
     return code, {about: f"{grade} {words}" for grade, about, words in lines}
 
 
-def test_everything_is_well_on_a_good_machine(where: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_checks_pass_on_a_healthy_machine(where: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, said = run("--database", f"sqlite:///{where}/new/study.sqlite3", capsys=capsys)
     assert code == 0
     assert set(said) == {"secret", "port", "database", "disk", "study", "weights", "TLS"}
@@ -65,7 +65,7 @@ def test_a_secret_that_others_can_read_is_refused(where: Path, capsys: pytest.Ca
     assert (code, said["secret"].startswith("BAD"), "chmod 600" in said["secret"]) == (1, True, True)
 
 
-def test_databases_are_told_apart(where: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_databases_are_distinguished(where: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = where / "study.sqlite3"
     url = f"sqlite:///{file}"
     migrate(url)
@@ -106,15 +106,15 @@ def test_a_new_postgresql_database_is_fine_when_it_can_hold_every_letter(
     assert (code, "is not a kitchenmind database" in said["database"]) == (1, True)
 
 
-def test_a_full_disk_is_told_before_it_pauses_games(
+def test_a_full_disk_is_reported_before_it_pauses_games(
     where: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(doctor, "LEAST_FREE_GB", 1e9)
+    monkeypatch.setattr(doctor, "MIN_FREE_GB", 1e9)
     code, said = run("--database", f"sqlite:///{where}/x.sqlite3", capsys=capsys)
     assert (code, said["disk"].split()[0], "Make room" in said["disk"]) == (1, "BAD", True)
 
 
-def test_a_broken_study_is_told_with_file_and_line(where: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_study_is_reported_with_file_and_line(where: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = where / "wrong.yaml"
     study.write_text(STUDY.read_text("utf-8").replace("seed: 11", "seed: x"), encoding="utf-8")
     code, said = run(capsys=capsys, study=study)
@@ -189,7 +189,7 @@ def test_the_certificate_of_the_public_address_is_looked_at(
     assert (code, said["TLS"]) == (0, "look the certificate of localhost is good for 10 days")
 
 
-def test_a_public_address_that_does_not_answer_is_told(
+def test_a_public_address_that_does_not_answer_is_reported(
     where: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:

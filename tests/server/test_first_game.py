@@ -36,7 +36,7 @@ async def test_a_game_compiles_nothing_that_the_start_has_not(tmp_path: Path) ->
     with LiveServer(tmp_path) as live:
         before = signatures()
         assert before["step"]
-        journal = await Bot(live.url, "short", 1).walk()  # a tutorial in a kitchen with one pot, and episodes
+        journal = await Bot(live.url, "short", 1).take_part()  # a tutorial in a kitchen with one pot, and episodes
         assert len(journal.ended) >= 2
         assert signatures() == before
 
@@ -66,7 +66,7 @@ async def test_the_first_game_with_an_empty_compiler_cache_compiles_nothing(
     with RealServer(tmp_path) as server:
         before = compiled(cache)
         assert any("rules.step" in name for name in before)
-        journal = await Bot(server.url, "short", 1).walk()  # a tutorial in a kitchen with one pot, and episodes
+        journal = await Bot(server.url, "short", 1).take_part()  # a tutorial in a kitchen with one pot, and episodes
         assert len(journal.ended) >= 2
         assert compiled(cache) == before
 

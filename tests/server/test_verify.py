@@ -32,7 +32,7 @@ def test_every_stored_episode_is_simulated_to_the_same_states(filled: str, capsy
     assert verify(filled, "--study", "ring") == 0
 
 
-def test_an_audit_log_without_its_last_entry_is_told(filled: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_audit_log_without_its_last_entry_is_reported(filled: str, capsys: pytest.CaptureFixture[str]) -> None:
     with Database(filled) as database:
         for _ in range(2):
             database.write_now(audit.add, "ada", "pause", {"study": "ring"})
@@ -126,7 +126,7 @@ def test_changed_action_shows_in_the_states_that_follow(filled: str, capsys: pyt
 
 
 @pytest.mark.parametrize("command", [["verify"], ["export", "--out", "out"]], ids=["verify", "export"])
-def test_wrong_input_is_told_with_the_remedy(
+def test_wrong_input_is_reported_with_the_remedy(
     filled: str, command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -6,8 +6,8 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def heeded() -> Iterator[None]:
-    """Let what is started meanwhile heed Ctrl+C: in the background of a shell, tests and their children ignore it."""
+def ctrl_c_enabled() -> Iterator[None]:
+    """Let processes that are started in this block react to Ctrl+C; tests in the background of a shell ignore it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         yield

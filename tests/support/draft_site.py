@@ -17,7 +17,7 @@ from server.store.database import Database
 from server.study.loader import load_study
 from server.web.admin import draft_routes
 from tests.server.participation.test_study_versions import AddedModels
-from tests.support.page_site import SMALL_STUDY, Site
+from tests.support.page_site import SMALL_STUDY, PageSite
 from tests.support.researcher_site import Researcher
 from tests.support.researcher_site import site as admin_site
 
@@ -43,7 +43,7 @@ def versions_of(database: Database, studies: Studies, file: Path, several: bool 
 
 
 @pytest.fixture
-def site(admin_site_fixture: Site, file: Path) -> Site:
+def site(admin_site_fixture: PageSite, file: Path) -> PageSite:
     made = admin_site_fixture
     versions, stack = versions_of(made.database, made.studies, file), AsyncExitStack()
     made.use(replace(made.services, versions=versions, rehearsals=Rehearsals(stack), games=[]))  # type: ignore[arg-type]
@@ -51,7 +51,7 @@ def site(admin_site_fixture: Site, file: Path) -> Site:
     return made
 
 
-def begun(site: Site, researcher: Researcher, name: str = "pilot") -> int:
+def begun(site: PageSite, researcher: Researcher, name: str = "pilot") -> int:
     """A draft that is made from the shortest template; its number."""
     researcher.get("/admin/drafts/new")
     page = researcher.post("/admin/drafts", template="quick_look", name=name, title="A pilot")
@@ -73,7 +73,7 @@ def asked(researcher: Researcher, draft: int, route: str, **fields: str) -> tupl
     return answer.status_code, answer.json()
 
 
-def source(site: Site, draft: int) -> str:
+def source(site: PageSite, draft: int) -> str:
     found = site.database.read_now(study_drafts.get, draft)
     assert found is not None
     return found.source

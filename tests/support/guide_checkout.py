@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from tests.support.ctrl_c import heeded
+from tests.support.ctrl_c import ctrl_c_enabled
 
 ROOT = Path(__file__).parent.parent.parent
 PACKAGES = (
@@ -48,7 +48,7 @@ def started(line: str, checkout: Path, shorter: Mapping[str, str]) -> "subproces
     more = next((extra for begin, extra in shorter.items() if bare.startswith(begin)), "")
     program = [sys.executable, "-m", "kitchenmind"] if words[0] == "kitchenmind" else [sys.executable]
     paths = os.pathsep.join([str(checkout), *settings.values()])
-    with heeded():
+    with ctrl_c_enabled():
         return subprocess.Popen(
             [*program, *words[1:], *shlex.split(more)],
             cwd=checkout,

@@ -45,7 +45,7 @@ def free_port() -> int:
 
 
 @dataclass(kw_only=True)
-class Machine:
+class GuideMachine:
     """`folder` is the guide's checkout, /srv/kitchenmind; `http` the port of the server, `https` that of the proxy."""
 
     folder: Path
@@ -101,7 +101,7 @@ class Machine:
         return (self.folder / ".env").read_text(encoding="utf-8")
 
     @contextlib.contextmanager
-    def proxy(self, kind: "Callable[[Machine], list[str]]") -> Iterator[None]:
+    def proxy(self, kind: "Callable[[GuideMachine], list[str]]") -> Iterator[None]:
         """TLS in front, by `nginx` or `caddy`."""
         names = "-subj /CN=localhost -addext subjectAltName=DNS:localhost"
         self.does(f"openssl req -x509 -newkey rsa:2048 -nodes -days 90 -keyout key.pem -out certificate.pem {names}")
@@ -118,7 +118,7 @@ class Machine:
             running.wait(10)
 
     def until_ready(self, why_not: Callable[[], str], within_s: float = 60) -> None:
-        """Until the proxy says that games can be played; `why_not` tells what to say where it never does."""
+        """Until the proxy says that games can be played; `why_not` gives the message if it never does."""
         trusted = ssl.create_default_context(cafile=str(self.folder / "certificate.pem"))
         deadline = time.monotonic() + within_s
         while time.monotonic() < deadline:
@@ -142,12 +142,12 @@ class Machine:
         await bot.close()
 
 
-def nginx(machine: Machine) -> list[str]:
+def nginx(machine: GuideMachine) -> list[str]:
     """The guide's block in the least that nginx wants around it."""
     return nginx_with(machine, machine.ours(block("location /")))
 
 
-def nginx_with(machine: Machine, location: str) -> list[str]:
+def nginx_with(machine: GuideMachine, location: str) -> list[str]:
     """With this block."""
     folder = machine.folder / "proxy"
     places = " ".join(f"{of}_temp_path {folder}/{of};" for of in ("proxy", "fastcgi", "uwsgi", "scgi"))
@@ -165,7 +165,7 @@ def nginx_with(machine: Machine, location: str) -> list[str]:
     return ["nginx", "-p", str(folder), "-c", "nginx.conf", "-e", f"{folder}/error.log"]
 
 
-def caddy(machine: Machine) -> list[str]:
+def caddy(machine: GuideMachine) -> list[str]:
     """The guide's whole file, but with a certificate at hand: it cannot be fetched here."""
     head = f"{{\n    admin off\n    auto_https disable_redirects\n    storage file_system {machine.folder}/proxy\n}}\n"
     own = machine.ours(block("lab.example.org {")).replace("lab.example.org", machine.address)

@@ -39,7 +39,7 @@ SMALL_STUDY = (ROOT / "tests" / "data" / "small_study.yaml").read_text(encoding=
 SECRET = b"a secret for tests only, never served"
 
 
-class Site:
+class PageSite:
     """A running server with some studies."""
 
     def __init__(self, folder: Path, *texts: str) -> None:
@@ -68,7 +68,7 @@ class Site:
         """From the next request on."""
         self.app.state.services = services
 
-    def __enter__(self) -> "Site":
+    def __enter__(self) -> "PageSite":
         listening = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{listening.getsockname()[1]}"
         self._thread = threading.Thread(target=self._server.run, args=([listening],), daemon=True)
@@ -111,7 +111,7 @@ class Site:
 class Visitor:
     """A browser without a screen: follows redirects, keeps cookies, sends the forms that it was shown."""
 
-    def __init__(self, site: Site, headers: dict[str, str] | None = None) -> None:
+    def __init__(self, site: PageSite, headers: dict[str, str] | None = None) -> None:
         base = {"accept": "text/html", "accept-language": "en"}
         self.client = httpx.Client(base_url=site.url, headers=base | (headers or {}), follow_redirects=True, timeout=60)
         site.clients.append(self.client)

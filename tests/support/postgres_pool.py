@@ -26,7 +26,7 @@ SEQUENCES = "select sequencename, coalesce(last_value, 1), last_value is not nul
 
 
 class PostgresPool:
-    """Copies of one database. `one()` lends a copy that has the rows of the original."""
+    """Copies of one database. `one()` gives a copy that has the rows of the original."""
 
     def __init__(self, server: PostgresServer, original: str) -> None:
         self._server, self._original = server, original

@@ -1,4 +1,4 @@
-"""A PostgreSQL server of our own in a temporary folder, on a Unix socket only; started by the tests, gone with them."""
+"""A separate PostgreSQL server in a temporary folder, on a Unix socket only; started by the tests, gone with them."""
 
 import os
 import pwd

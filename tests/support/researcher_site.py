@@ -29,7 +29,7 @@ from server.store import admins, episodes, ticks
 from server.web.admin import actions, downloads, live_boards, replay_page, researcher_pages
 from server.web.guess_limits import Hashing
 from server.web.participant.game_socket import Sockets
-from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.page_site import SMALL_STUDY, PageSite, Visitor
 from tests.support.some_services import some_services
 
 PASSWORD = "a good long password"
@@ -51,11 +51,11 @@ class NoModels:
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
+def site(tmp_path: Path) -> Iterator[PageSite]:
     from server.play.games import Games
     from server.store.store_recorder import StoreRecorder
 
-    made = Site(tmp_path, SMALL_STUDY)
+    made = PageSite(tmp_path, SMALL_STUDY)
     games = Games(Clock(), NoModels(), StoreRecorder(made.database), lambda _: asyncio.sleep(0, None))
     web = made.services.web
     sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), web.csrf.is_own_origin)
@@ -100,19 +100,19 @@ class Researcher(Visitor):
         return self.page
 
 
-def signed_in(site: Site, name: str) -> Researcher:
+def signed_in(site: PageSite, name: str) -> Researcher:
     researcher = Researcher(site)
     assert researcher.sign_in(name).status_code == 200
     return researcher
 
 
-def played(site: Site, timesteps: int = 12) -> str:
+def played(site: PageSite, timesteps: int = 12) -> str:
     """An episode of a participant that is stored: both chefs wait."""
     visitor = Visitor(site)
     visitor.consent("small")
     participant = site.only("small")
     study = site.studies.of(participant)
-    step = next(one for one in site.studies.way(participant) if one.kind == "episode")
+    step = next(one for one in site.studies.steps_of(participant) if one.kind == "episode")
     spec = episode_spec(study, step, participant.condition, "en")
     new = episodes.NewEpisode(spec, step.key, (participant.id, None), participant.study_id, participant.condition)
     episode = site.database.write_now(episodes.create, new)
@@ -132,7 +132,7 @@ def played(site: Site, timesteps: int = 12) -> str:
     return episode
 
 
-def paths(site: Site, episode: str) -> list[tuple[str, str]]:
+def paths(site: PageSite, episode: str) -> list[tuple[str, str]]:
     """Every address of a researcher, with its method; actions filled in."""
     person = site.only("small").id
     values = {"name": "small", "episode": episode, "person": person, "account": "watch"}

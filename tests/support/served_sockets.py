@@ -91,7 +91,7 @@ async def serving(made: Served) -> AsyncIterator[Served]:
 
 
 async def hear(socket: ClientConnection, kind: str, most: int = 200) -> dict[str, Any]:
-    """The next message of a kind; Pings on the way are answered."""
+    """The next message of a kind; Pings before it are answered."""
     for _ in range(most):
         message = json.loads(await asyncio.wait_for(socket.recv(), 10))
         if message["type"] == kind:

@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import text as sql
 
 from server.store.tables import metadata
-from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, PageSite, Visitor
 
 PROLIFIC = SMALL_STUDY.replace("name: small", "name: hired", 1).replace(
     "seed: 11\n",
@@ -21,12 +21,12 @@ LINK = "?PROLIFIC_PID=5f1e00000000000000000001&STUDY_ID=s1&SESSION_ID=x9"
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with Site(tmp_path, SMALL_STUDY, PROLIFIC) as running:
+def site(tmp_path: Path) -> Iterator[PageSite]:
+    with PageSite(tmp_path, SMALL_STUDY, PROLIFIC) as running:
         yield running
 
 
-def rows(site: Site) -> dict[str, int]:
+def rows(site: PageSite) -> dict[str, int]:
     def count(connection):  # type: ignore[no-untyped-def]
         return {
             table.name: connection.execute(sql(f"select count(*) from {table.name}")).scalar()
@@ -36,14 +36,14 @@ def rows(site: Site) -> dict[str, int]:
     return site.database.read_now(count)
 
 
-def walk_to(visitor: Visitor, site: Site, key: str, name: str = "small") -> None:
+def walk_to(visitor: Visitor, site: PageSite, key: str, name: str = "small") -> None:
     """From consent to the step with this key, playing the games by hand."""
     visitor.consent(name)
     while (step := site.step(site.only(name))).key != key:
         pass_step(visitor, site, step.kind, name)
 
 
-def pass_step(visitor: Visitor, site: Site, kind: str, name: str = "small") -> None:
+def pass_step(visitor: Visitor, site: PageSite, kind: str, name: str = "small") -> None:
     participant = site.only(name)
     if kind in ("tutorial", "episode"):
         site.end_game(participant)

@@ -9,7 +9,7 @@ from server.store.store_recorder import StoreRecorder
 from tests.support.study_data import SPEC, played
 
 EPISODES = 5
-LONGEST = 400
+HORIZON = 400
 
 
 async def main(url: str) -> None:
@@ -20,7 +20,7 @@ async def main(url: str) -> None:
         found.append(await database.write(episodes.create, episodes.NewEpisode(SPEC, "episode-01")))
     stored = [await database.read(episodes.load, episode) for episode in found]
     todo = [
-        played(record.episode, LONGEST)[len(record.joint_actions) + bool(record.last_hash) :]
+        played(record.episode, HORIZON)[len(record.joint_actions) + bool(record.last_hash) :]
         for record in stored
         if record
     ]

@@ -15,13 +15,13 @@ from training.behaviour_cloning import (
     NAME,
     RECORDED,
     CloningConfig,
-    clone,
     companions,
     make_companions,
     measured_games,
     read_human_games,
     recordings,
-    save_clone,
+    save_human_bc,
+    train_human_bc,
 )
 
 RING = load_layout("coordination_ring")
@@ -41,11 +41,11 @@ def test_every_recorded_action_is_read_for_both_people(games):
 def test_a_behaviour_cloned_human_predicts_people_better_than_their_most_frequent_actions(games, tmp_path):
     torch.set_num_threads(1)
     config = CloningConfig(measured_games(8), epochs=15)
-    network, figures = clone(games, RING, config)
+    network, figures = train_human_bc(games, RING, config)
     apart = games.actions[games.game == 7]
     shares = np.bincount(apart) / len(apart)
     assert figures["loss"] < -(shares * np.log(shares)).sum() - 0.1
-    save_clone(tmp_path / "human_bc", network, RING, config, figures)
+    save_human_bc(tmp_path / "human_bc", network, RING, config, figures)
     agent = load_agent(str(tmp_path / "human_bc"), RING)
     assert agent.mode.temperature == 1
     seen = games.observations[:50]
@@ -75,10 +75,10 @@ def test_the_bundled_behaviour_cloned_human_imitates_none_of_the_games_that_pred
 
 
 def test_companions_are_made_for_the_kitchen_that_is_asked_for(tmp_path, monkeypatch):
-    monkeypatch.setattr("training.behaviour_cloning.CLONES_OF_A_KIND", 1)
-    monkeypatch.setattr("training.behaviour_cloning.clone", lambda games, layout, config: (layout, {}))
+    monkeypatch.setattr("training.behaviour_cloning.NETWORKS_OF_A_KIND", 1)
+    monkeypatch.setattr("training.behaviour_cloning.train_human_bc", lambda games, layout, config: (layout, {}))
     made = {}
-    monkeypatch.setattr("training.behaviour_cloning.save_clone", lambda *given: made.update({given[0].name: given}))
+    monkeypatch.setattr("training.behaviour_cloning.save_human_bc", lambda *given: made.update({given[0].name: given}))
     layout = load_layout("forced_coordination")
     folders = make_companions(tmp_path, layout)
     assert [folder.name for folder in folders] == list(made)
@@ -95,7 +95,7 @@ def test_a_behaviour_cloned_human_learns_from_the_given_games_only(games):
         observations=np.where(others[:, None, None, None], games.observations[0], games.observations),
         actions=np.where(others, STAY, games.actions),
     )
-    first, again = (clone(each, RING, config)[0].state_dict() for each in (games, changed))
+    first, again = (train_human_bc(each, RING, config)[0].state_dict() for each in (games, changed))
     assert all(torch.equal(first[name], again[name]) for name in first)
 
 

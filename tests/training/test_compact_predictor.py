@@ -58,7 +58,7 @@ def test_the_weights_take_little_more_than_half_the_bytes(folders):
     assert [load_checkpoint(folder).bits for folder in folders] == [16, 8]
 
 
-def test_it_says_the_same_but_for_rounding(folders, games):
+def test_it_has_the_same_values_except_for_rounding(folders, games):
     before, after = (logits(predictor_network(load_checkpoint(folder))[0], games[0]).softmax(-1) for folder in folders)
     assert not torch.equal(before, after)
     assert (before - after).abs().max() < 0.05
@@ -104,7 +104,7 @@ def test_new_intentions_leave_it_as_it_is(folders, tmp_path):
     }
 
 
-def test_there_is_nothing_to_do_twice(folders, capsys):
+def test_a_second_run_changes_nothing(folders, capsys):
     assert _compact(folders[1]) == 2
     assert "is stored with 8 bits already. There is nothing to do." in capsys.readouterr().err
 

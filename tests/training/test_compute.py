@@ -30,7 +30,7 @@ def nothing_requested():
     request()
 
 
-def test_the_quickest_candidate_wins_and_every_time_is_told() -> None:
+def test_the_quickest_candidate_wins_and_every_time_is_printed() -> None:
     work = {"small": 10, "large": 2_000_000}
     winner, times = quickest(list(work), lambda name: lambda: sum(range(work[name])))
     assert winner == "small"

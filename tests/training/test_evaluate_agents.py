@@ -28,7 +28,7 @@ def test_the_same_seed_gives_the_same_games_and_another_seed_others() -> None:
     assert first.certainty != other.certainty
 
 
-def test_certainty_and_jams_tell_of_an_agent_that_never_moves() -> None:
+def test_certainty_and_jams_show_an_agent_that_never_moves() -> None:
     rigid = with_itself(RINGS, EvaluatedAgent(Presser(), Mode(0.0, 3, 0.0)), episodes=2)
     assert (rigid.scores == 0).all()
     assert rigid.certainty == pytest.approx(1.0)

@@ -18,7 +18,7 @@ from overcooked.interactions import NO_INTERACTION, InteractionKind, possible_in
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 from training.collect import TEST, CollectionPlan, Partner, Target, collect
-from training.evaluate_intentions import SaidIntentions, intention_entry
+from training.evaluate_intentions import EvaluatedIntentions, intention_entry
 from training.evaluate_predictor import calibration_error
 from training.intention_baselines import FrequentNext, nearest_sensible
 from training.intention_labels import UNKNOWN, interactions_done, labels_of, next_interactions
@@ -121,8 +121,8 @@ def test_the_figures_are_what_counting_gives():
     takes = [place for place, found in enumerate(POSSIBLE) if found.kind == InteractionKind.TAKE_ONION][:2]
     (right, other), none = takes, POSSIBLE.index(NO_INTERACTION)
     entry = intention_entry(
-        SaidIntentions(
-            said=np.array([right, other, none, none]),
+        EvaluatedIntentions(
+            predicted=np.array([right, other, none, none]),
             second=np.array([none, right, right, other]),
             probability=np.array([0.9, 0.9, 0.9, 0.9], np.float32),
             when=np.array([5, 9, 1, 1]),
@@ -152,7 +152,7 @@ def states_that_tell_what_comes(count, seed):
     return IntentionStates(tokens.half(), classes, steps)
 
 
-def test_a_decoder_learns_what_comes_and_when_and_knows_how_sure_it_is():
+def test_a_decoder_learns_what_comes_and_when_and_is_calibrated():
     train, validation, test = (
         states_that_tell_what_comes(count, seed) for seed, count in enumerate((4000, 1000, 1000))
     )
@@ -232,7 +232,7 @@ def test_games_of_another_agent_are_refused(games, tmp_path):
         add_intentions(tmp_path / "p", games, QUICK, tmp_path / "q")
 
 
-def test_the_command_adds_a_decoder_and_says_what_it_reaches(without, games, tmp_path, capsys):
+def test_the_command_adds_a_decoder_and_prints_its_accuracy(without, games, tmp_path, capsys):
     words = ["train", "intentions", "--layout", RING.name, "--agent", "planner", "--predictor", str(without)]
     words += ["--games", str(games), "--out", str(tmp_path / "p"), "--set", "updates=20", "states=1000"]
     assert kitchenmind.main(words) == 0

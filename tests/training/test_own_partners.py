@@ -11,7 +11,7 @@ import kitchenmind
 from models.agents.model_paths import WEIGHTS
 from models.agents.predictors import load_predictor
 from overcooked.layout import load_layout
-from tests.support.ctrl_c import heeded
+from tests.support.ctrl_c import ctrl_c_enabled
 from training import train_predictor as training
 from training.commands import predictor as command
 from training.predictor_config import PRESETS
@@ -47,7 +47,7 @@ def test_partners_are_all_agents_of_a_folder_whatever_they_are_called(lab: Path)
     assert {shards[name]["split"] for name in ("anna", "berta", "cleo")} == {"train", "validation", "test"}
 
 
-def test_too_few_partners_are_told_what_is_needed(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_too_few_partners_are_refused_with_what_is_needed(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["collect", "--layout", "coordination_ring", "--agent", "planner", "--partners", str(lab / "mine")]
     assert kitchenmind.main(words) == 2
     said = capsys.readouterr().err
@@ -93,7 +93,7 @@ def test_ctrl_c_or_kill_leaves_a_predictor_that_can_be_used(
         return step(trainer)
 
     monkeypatch.setattr(training.PredictorTrainer, "step", interrupted)
-    with heeded():
+    with ctrl_c_enabled():
         assert train(lab, tmp_path) == 1
     load_predictor(str(tmp_path / "p"), RING)
     assert "interrupted after 7 of 20 updates" in capsys.readouterr().out.replace("\n", " ")

@@ -26,7 +26,7 @@ SHORT = agent_config(None, ["total_timesteps=6400", "num_envs=8", "num_steps=100
 
 
 def _advantages_by_definition(
-    rewards: NDArray[np.float32], values: NDArray[np.float32], dones: NDArray[np.bool_], discount: float, trace: float
+    rewards: NDArray[np.float32], values: NDArray[np.float32], dones: NDArray[np.bool_], gamma: float, gae_lambda: float
 ) -> NDArray[np.float64]:
     """The discounted sum over all later TD errors, cut at the end of the episode."""
     steps, rows = rewards.shape
@@ -36,10 +36,10 @@ def _advantages_by_definition(
             weight = 1.0
             for later in range(t, steps):
                 following = 0.0 if dones[later, row] else values[later + 1, row]
-                advantages[t, row] += weight * (rewards[later, row] + discount * following - values[later, row])
+                advantages[t, row] += weight * (rewards[later, row] + gamma * following - values[later, row])
                 if dones[later, row]:
                     break
-                weight *= discount * trace
+                weight *= gamma * gae_lambda
     return advantages
 
 
@@ -116,7 +116,7 @@ def test_partners_sit_in_both_seats_and_answer_as_they_do_alone(kind: str) -> No
     config = agent_config(None, ["self_play_games=2"])
     seats = SeatRows(config, pool)
     assert seats.games == 2 + 3 * 4
-    assert sorted([*seats.learner, *seats.partner]) == list(range(2 * seats.games))
+    assert sorted([*seats.ego, *seats.partner]) == list(range(2 * seats.games))
     assert sorted((seats.partner % 2).tolist()) == [0] * 6 + [1] * 6
     seen = Kitchens.start(RING, 12).encode()[:, 0].copy()
     entries = seen.reshape(12, -1)[:, pool.columns]

@@ -179,7 +179,7 @@ def test_a_window_shows_ten_actions_with_the_current_one_hidden(games):
     assert labels[:, 0].tolist() == [games["actions"][2, 25, 0], games["actions"][2, 3, 0]]
 
 
-def test_a_split_without_partners_says_so(tmp_path):
+def test_a_split_without_partners_is_reported(tmp_path):
     collect(tmp_path, RING, planner(), [uniform(f"sp_{k}") for k in range(3)], SMALL)
     encoder = Encoder(RING, PredictorConfig())
     assert len(load_episodes(tmp_path, "test", RING, encoder)) == 4

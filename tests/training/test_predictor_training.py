@@ -128,7 +128,7 @@ def test_accuracy_of_a_network_is_what_counting_gives(games):
     assert result.windows == len(episodes) * 200
 
 
-def test_baselines_are_what_they_say(games):
+def test_baselines_are_as_documented(games):
     network = PredictorNetwork(RING, PredictorConfig(form="stream", **TINY))
     episodes = load_episodes(games, TEST, RING, network.encoder)
     result = evaluate(network, episodes, frequent_action=4)
@@ -153,7 +153,7 @@ def test_temperature_scaling_calibrates_confidence():
     assert torch.allclose(fitted, torch.full((3,), 3.0), atol=0.4)
 
 
-def test_a_bundled_predictor_says_on_its_card_what_it_does(stream, games, tmp_path):
+def test_the_card_of_a_bundled_predictor_describes_it(stream, games, tmp_path):
     network = stream[0]
     test = load_episodes(games, TEST, RING, network.encoder)
     result = write_predictor(tmp_path / "p", network, RING, target(), test, {"seed": 0})

@@ -149,7 +149,7 @@ def _preset(folder: Path, text: str) -> str:
         ),
         (
             "population = 1\ntargets = 1\n[layout.ring]\nlike = 'rign'",
-            "[layout.ring] like is 'rign'. Write a kitchen that has tables of its own.",
+            "[layout.ring] like is 'rign'. Write a kitchen that has its own tables.",
         ),
         (
             "population = 1\ntargets = 1\n[layout.a]\ncrowd = 1\n[layout.b]\nlike = 'a'\n[layout.c]\nlike = 'b'",
@@ -157,7 +157,7 @@ def _preset(folder: Path, text: str) -> str:
         ),
     ],
 )
-def test_a_preset_with_a_wrong_setting_says_which(tmp_path: Path, text: str, words: str) -> None:
+def test_a_wrong_setting_of_a_preset_is_named(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(words)):
         load_preset(_preset(tmp_path, text))
 

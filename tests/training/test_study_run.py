@@ -74,7 +74,7 @@ def test_an_agent_trained_by_the_command_can_be_loaded_and_played(tmp_path: Path
         (["agent", "--layout", "coordination_ring", "--set", "speed=9"], "unknown key 'speed'"),
     ],
 )
-def test_wrong_input_ends_with_2_and_says_why(tmp_path: Path, words: list[str], reason: str) -> None:
+def test_wrong_input_ends_with_2_and_a_reason(tmp_path: Path, words: list[str], reason: str) -> None:
     finished = run("train", *words, "--runs", str(tmp_path))
     assert finished.returncode == 2
     assert reason in finished.stderr
@@ -89,7 +89,7 @@ def test_a_killed_ray_worker_costs_time_but_no_task(tmp_path: Path) -> None:
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
     try:
-        worker = _ray_worker_at_work(tmp_path, process)
+        worker = _busy_ray_worker(tmp_path, process)
         os.kill(worker, signal.SIGKILL)
         output, _ = process.communicate(timeout=240)
     finally:
@@ -100,7 +100,7 @@ def test_a_killed_ray_worker_costs_time_but_no_task(tmp_path: Path) -> None:
     assert _agents(tmp_path) == ["population_sp_1", "target_sp_11"]
 
 
-def _ray_worker_at_work(tmp_path: Path, process: "subprocess.Popen[str]") -> int:
+def _busy_ray_worker(tmp_path: Path, process: "subprocess.Popen[str]") -> int:
     """The Ray worker whose task trains the population's agent, once that has begun."""
     for _ in range(600):
         assert process.poll() is None, process.communicate()[0]

@@ -44,7 +44,7 @@ def predictor_tasks(
     if extras and layout.name in RECORDED:
         found = companions(RECORDED[layout.name]).items()
         clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in found}
-        tasks.append(Task(layout.name, CLONES, partial(_clone, layout), clones, (), 2.0))
+        tasks.append(Task(layout.name, CLONES, partial(_train_human_bc, layout), clones, (), 2.0))
         partners = (*partners, CLONES)
     for agent in AGENTS:
         chosen, games = f"choose_{agent}", f"games_{agent}"
@@ -75,7 +75,7 @@ def _target(work: Work, layout: Layout, agent: str) -> Target:
     return Target(agent, found.policy, found.mode, found.sha256)
 
 
-def _clone(layout: Layout, work: Work) -> None:
+def _train_human_bc(layout: Layout, work: Work) -> None:
     make_companions(work.folder, layout)
 
 

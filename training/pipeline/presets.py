@@ -119,7 +119,7 @@ def _check_like(layout: str, layouts: Mapping[str, Any], path: Path) -> None:
     table = layouts[layout]
     known = [name for name, other in layouts.items() if isinstance(other, dict) and _LIKE not in other]
     if _LIKE in table and table[_LIKE] not in known:
-        names = f"one of {', '.join(known)}" if known else "a kitchen that has tables of its own"
+        names = f"one of {', '.join(known)}" if known else "a kitchen that has its own tables"
         raise ConfigError(f"{path}: [layout.{layout}] like is {table[_LIKE]!r}. Write {names}.")
 
 

@@ -1,7 +1,7 @@
 """Run a graph of tasks, in a few processes at a time on this machine or on a Ray cluster, and show a table of the
 progress.
 
-A task always runs in a process of its own, from the same command line, so a task that was killed can be started again.
+A task always runs in a separate process, from the same command line, so a task that was killed can be started again.
 """
 
 import ctypes
@@ -64,7 +64,7 @@ def run_here(graph: Graph, command: Sequence[str], workers: int) -> int:
 
 
 def run_on_ray(graph: Graph, command: Sequence[str], address: str, workers: int) -> int:
-    """The same on a Ray cluster whose machines share the runs folder; a lost worker's task is started again."""
+    """Return the same on a Ray cluster whose machines share the runs folder; a lost worker's task is started again."""
     try:
         import ray
     except ImportError as error:

@@ -79,7 +79,8 @@ def remember(mind, memory, players, contents, now, actions, arrows):
 
 @kernel
 def notice(kitchen, mind, memory):
-    """Process the frame that the participant notices now: judge earlier arrows and guesses by it, and guess again."""
+    """Process the frame that the participant notices now: compare earlier arrows and guesses
+    with it, and guess again."""
     other = 1 - mind.seat
     seen = max(mind.began, mind.now - mind.delay)
     if seen > mind.seen:

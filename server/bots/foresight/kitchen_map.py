@@ -9,7 +9,7 @@ from overcooked.constants import COUNTER, FLOOR, INTERACT, STEP_X, STEP_Y, TILE_
 from overcooked.layout import Layout
 
 FAR: Final = 9999  # ticks to a station that cannot be reached
-_LARGEST_WITH_DETOURS: Final = 150  # cells of a kitchen for which paths around a partner are precomputed
+_MAX_WITH_DETOURS: Final = 150  # cells of a kitchen for which paths around a partner are precomputed
 
 
 class KitchenMap(NamedTuple):
@@ -64,7 +64,7 @@ def _made(layout: Layout) -> KitchenMap:
     np.fill_diagonal(between, 0)
     shared = (faces.any(2).sum(1) > 1).astype(np.int64)
     around = reach[None, :0]
-    if tiles.size <= _LARGEST_WITH_DETOURS:
+    if tiles.size <= _MAX_WITH_DETOURS:
         around = np.stack([_ways(np.where(ahead == cell, _stay(ahead), ahead), faces) for cell in range(tiles.size)])
     return KitchenMap(
         layout.tiles, layout.pots, layout.counters, np.array(cells, np.int64), kind, reach, first, between, ahead,

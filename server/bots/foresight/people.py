@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 VERSION: Final = 2  # of the participants and their parameters; decision 22 says what changed
-MOST_DELAY: Final = 14  # timesteps; two fewer than the frames that a participant remembers (beliefs.FRAMES)
+MAX_DELAY: Final = 14  # timesteps; two fewer than the frames that a participant remembers (beliefs.FRAMES)
 TICK_MS: Final = 200.0  # the platform's timestep; recorded games of people have 150 ms
 ARROWS: Final = 3  # how many predicted actions a page shows
 
@@ -42,12 +42,12 @@ class Parameters:
     dish_ahead: float = 0.0699  # value of one that is not
     keep: float = 0.721  # the old target stays while it has this share of the best one's value
     yields: float = 0.411  # chance to make way while resting
-    boredom_s: tuple[float, float] = (0.785, 1.37)  # without any effect so long, it walks elsewhere
+    boredom_s: tuple[float, float] = (0.785, 1.37)  # after this long without any effect, it walks elsewhere
     # The best of eight that were tried on the same facts.
     delays_ms: tuple[float, ...] = (200.0, 200.0, 300.0, 450.0)  # until others are noticed, one drawn
     # Set by hand, not fitted.
     spread: float = 0.15  # of the rates of keys between people: standard deviation of the logarithm
-    patience_s: tuple[float, float] = (0.4, 0.8)  # blocked so long, it tries a random move
+    patience_s: tuple[float, float] = (0.4, 0.8)  # after this long in front of an obstacle, it tries a random move
     forgetting: float = 0.97  # weight of the past at each hit or miss of arrows and own guesses
 
 
@@ -98,7 +98,7 @@ def person(seed: int, seat: int, variant: Variant, tick_ms: float = TICK_MS) -> 
     drawn: dict[str, Any] = {
         "seed": seed & (2**63 - 1),
         "seat": seat,
-        "delay": variant.delay if variant.delay is not None else min(MOST_DELAY, max(1, round(delay / tick_ms))),
+        "delay": variant.delay if variant.delay is not None else min(MAX_DELAY, max(1, round(delay / tick_ms))),
         "repeats": chance.random() < 0.5,
         "credulous": variant.credulous,
         "act_after_action": min(0.97, made.act_after_action * pace * tick_s),

@@ -12,7 +12,7 @@ from server.bots.foresight.beliefs import AHEAD
 from server.bots.foresight.kitchen_map import FAR
 
 NEVER: Final = 1e6
-_LONGEST_DETOUR: Final = 12  # ticks: instead of walking more, one waits until the partner has moved
+_MAX_DETOUR: Final = 12  # ticks: instead of walking more, one waits until the partner has moved
 _OPTIONS: Final = STAY + 1  # four moves and waiting
 _WAYS: Final = _OPTIONS**AHEAD
 
@@ -56,7 +56,7 @@ def ticks_past(kitchen, mind, station, cell, facing, partner):
     alone = kitchen.reach[station, cell, facing]
     if kitchen.around.shape[0] == 0 or alone >= FAR:
         return float(alone)
-    detour = min(kitchen.around[partner, station, cell, facing], alone + _LONGEST_DETOUR)
+    detour = min(kitchen.around[partner, station, cell, facing], alone + _MAX_DETOUR)
     return alone + mind.detour * (detour - alone)
 
 

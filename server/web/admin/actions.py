@@ -32,10 +32,10 @@ from server.web.services import ServicesDep
 
 log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/s/{name}")
-LONGEST_TEXT = 500
-MOST_MINUTES = 60
-VERSION_WITHIN_S = 60.0  # loading a version's models takes seconds
-OPEN_WITHIN_S = 1.0  # who misses it follows
+MAX_TEXT_LENGTH = 500
+MAX_MINUTES = 60
+VERSION_TIMEOUT_S = 60.0  # loading a version's models takes seconds
+OPEN_TIMEOUT_S = 1.0  # who misses it follows
 
 
 def control_of(services: ServicesDep) -> ClusterControl:
@@ -46,11 +46,11 @@ ControlDep = Annotated[ClusterControl, Depends(control_of)]
 
 
 async def _game(name: str, episode: str, web: WebDep) -> Played:
-    """The episode if it belongs to this study. Answers 404 otherwise."""
+    """Return the episode if it belongs to this study. Answers 404 otherwise."""
     study_ids, _ = study_at(web, name)
     found = (await web.database.read(overview.played, episode)).get(episode)
     if found is None or found.study_id not in study_ids:
-        raise HTTPException(404, "there is no such game in this study")
+        raise HTTPException(404, "This study has no such game. Open it from the list of games.")
     return found
 
 
@@ -58,7 +58,7 @@ async def _person(name: str, person: str, web: WebDep) -> Person:
     study_ids, _ = study_at(web, name)
     found = await web.database.read(overview.person, person)
     if found is None or found.study_id not in study_ids:
-        raise HTTPException(404, "there is no such participant in this study")
+        raise HTTPException(404, "This study has no such participant. Open them from the dashboard.")
     return found
 
 
@@ -67,13 +67,13 @@ PersonDep = Annotated[Person, Depends(_person)]
 
 
 def _page_of(form: Form, study: str) -> str:
-    """The page from which a form was sent: the study's, or its draft."""
+    """Return the page from which a form was sent: the study's, or its draft."""
     return own_path(first(form, "next")) if "next" in form else f"/admin/s/{study}"
 
 
 @router.post("/pause")
 async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
-    """Nobody is let in and every game of the study stands still, until it is resumed."""
+    """Pause the study: until it is resumed, nobody can join and every game is paused."""
     study_at(web, name)
     await web.database.write(decisions.pause_study, name, admin.name)
     await control.broadcast(PauseStudy(name))
@@ -104,11 +104,11 @@ async def serve_version(name: str, admin: ActDep, services: ServicesDep, form: A
     except (StudyError, OSError) as error:
         log.warning("the new version of %s is not served: %s", name, error)
         return back_to(f"/admin/s/{name}", "version_refused")
-    if not await services.control.run_in_each(PrepareVersion(name, new.sha256), VERSION_WITHIN_S):
+    if not await services.control.run_in_each(PrepareVersion(name, new.sha256), VERSION_TIMEOUT_S):
         log.warning("the new version of %s is not served: not every server process is ready for it", name)
         return back_to(f"/admin/s/{name}", "version_refused")
     versions.open(new)
-    await services.control.run_in_each(OpenVersion(name, new.sha256, new.opened_at), OPEN_WITHIN_S)
+    await services.control.run_in_each(OpenVersion(name, new.sha256, new.opened_at), OPEN_TIMEOUT_S)
     await _note(web, admin, "serve new version", {"study": name, "version": new.sha256, "reason": _text(form, "note")})
     return back_to(f"/admin/s/{name}", "version_served")
 
@@ -118,38 +118,38 @@ async def message_all(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
     """Show a message in every running game of the study."""
     study_at(web, name)
     text = _required(form, "text")
-    told = await control.broadcast(MessageStudy(name, text))
-    await _note(web, admin, "message to all games", {"study": name, "text": text, "games": told})
-    return back_to(f"/admin/s/{name}", "sent" if told else "gone")
+    reached = await control.broadcast(MessageStudy(name, text))
+    await _note(web, admin, "message to all games", {"study": name, "text": text, "games": reached})
+    return back_to(f"/admin/s/{name}", "sent" if reached else "gone")
 
 
 @router.post("/game/{episode}/{action}")
 async def step_in(
     action: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, game: GameDep
 ) -> Response:
-    """Pause, resume, end, tell, extend or exclude one game."""
+    """Pause, resume, end, message, extend or exclude one game."""
     detail: dict[str, Any] = {"episode": game.id, "participant": game.participant_id, "reason": _text(form, "note")}
     match action:
         case "pause":
-            said = "paused" if await control.run(PauseGame(game.id)) else "gone"
+            outcome = "paused" if await control.run(PauseGame(game.id)) else "gone"
         case "resume":
-            said = "resumed" if await control.run(ResumeGame(game.id)) else "gone"
+            outcome = "resumed" if await control.run(ResumeGame(game.id)) else "gone"
         case "end":
-            said = "ended" if await control.run(EndGame(game.id)) else "gone"
+            outcome = "ended" if await control.run(EndGame(game.id)) else "gone"
         case "message":
             detail["text"] = _required(form, "text")
-            said = "sent" if await control.run(SendMessage(game.id, detail["text"])) else "gone"
+            outcome = "sent" if await control.run(SendMessage(game.id, detail["text"])) else "gone"
         case "extend":
             detail["minutes"] = _minutes(form)
-            said = "extended" if await control.run(ExtendAbsence(game.id, 60.0 * detail["minutes"])) else "gone"
+            outcome = "extended" if await control.run(ExtendAbsence(game.id, 60.0 * detail["minutes"])) else "gone"
         case "exclude":
             why = _why(form)
             await web.database.write(decisions.exclude, game.participant_id, game.id, why, admin.name)
-            detail["reason"], said = ": ".join(filter(None, why)), "excluded"
+            detail["reason"], outcome = ": ".join(filter(None, why)), "excluded"
         case _:
             raise HTTPException(404, "unknown action")
-    await _note(web, admin, f"{action} game", detail | {"done": said != "gone"})
-    return back_to(_back(form), said)
+    await _note(web, admin, f"{action} game", detail | {"done": outcome != "gone"})
+    return back_to(_back(form), outcome)
 
 
 @router.post("/person/{person}/{action}")
@@ -164,24 +164,24 @@ async def decide(
         case "exclude":
             why = _why(form)
             await web.database.write(decisions.exclude, person.id, None, why, admin.name)
-            detail["reason"], said = ": ".join(filter(None, why)), "excluded"
+            detail["reason"], outcome = ": ".join(filter(None, why)), "excluded"
         case "restore":
             detail["exclusion"] = number = whole_number(form, "exclusion")
             held = [one.id for one in await web.database.read(decisions.exclusions_of, [person.id])]
             done = number in held and await web.database.write(decisions.restore, number, admin.name)
-            said = "restored" if done else "gone"
+            outcome = "restored" if done else "gone"
         case "release":
             done = await web.database.write(participants.leave, person.id, "returned")
             for played in await web.database.read(overview.played_by, person.id) if done else ():
                 await control.run(EndGame(played.id))
-            said = "released" if done else "gone"
+            outcome = "released" if done else "gone"
         case "extend":
             await web.database.write(participants.seen, person.id)
-            said = "extended"
+            outcome = "extended"
         case _:
             raise HTTPException(404, "unknown action")
-    await _note(web, admin, f"{action} participant", detail | {"done": said != "gone"})
-    return back_to(_back(form), said)
+    await _note(web, admin, f"{action} participant", detail | {"done": outcome != "gone"})
+    return back_to(_back(form), outcome)
 
 
 @router.post("/find")
@@ -194,7 +194,7 @@ async def find(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Res
 
 
 async def _delete(admin: AdminSession, web: Web, form: Form, control: ClusterControl, person: Person) -> Response:
-    """Delete somebody who asked for it. The audit log tells that and why, and nothing by which to find the person."""
+    """Delete somebody who asked for it. The audit log records that and why, but nothing that identifies the person."""
     study = web.studies.version(person.study_id)
     name = study.name if study is not None else ""
     detail = {"study": name, "reason": _required(form, "note")}
@@ -208,13 +208,13 @@ async def _note(web: Web, admin: AdminSession, action: str, detail: dict[str, An
 
 
 def _text(form: Form, name: str) -> str:
-    return first(form, name).strip()[:LONGEST_TEXT]
+    return first(form, name).strip()[:MAX_TEXT_LENGTH]
 
 
 def _required(form: Form, name: str) -> str:
     text = _text(form, name)
     if not text:
-        raise HTTPException(400, f"the form lacks its {name}")
+        raise HTTPException(400, f"The form has no valid {name}. Reload the page.")
     return text
 
 
@@ -227,8 +227,8 @@ def _why(form: Form) -> tuple[str, str]:
 
 def _minutes(form: Form) -> int:
     minutes = whole_number(form, "minutes")
-    if not 1 <= minutes <= MOST_MINUTES:
-        raise HTTPException(400, f"give 1 to {MOST_MINUTES} minutes")
+    if not 1 <= minutes <= MAX_MINUTES:
+        raise HTTPException(400, f"give 1 to {MAX_MINUTES} minutes")
     return minutes
 
 

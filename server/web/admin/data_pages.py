@@ -20,12 +20,12 @@ from server.web.services import Services, ServicesDep
 
 router = APIRouter(prefix="/admin/s/{name}")
 CHUNK_ROWS: Final = 500
-LONGEST_FILTER: Final = 200
+MAX_FILTER_LENGTH: Final = 200
 
 
 @router.get("/data")
 async def data_view(request: Request, name: str, admin: ActDep, web: WebDep) -> Response:
-    """One page of a table. In blind mode without what tells a condition."""
+    """One page of a table. In blind mode without what reveals a condition."""
     given = request.query_params
     wanted = _query(web, name, {key: given.get(key, "") for key in _KEYS}, admin.blind)
     number = _page_number(given.get("page", ""))
@@ -51,11 +51,11 @@ async def data_view(request: Request, name: str, admin: ActDep, web: WebDep) -> 
 
 @router.post("/data.csv")
 async def download(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:
-    """All rows of what is seen, over all pages. It tells the conditions, so not in blind mode."""
+    """All rows of what is seen, over all pages. It shows the conditions, so not in blind mode."""
     web = services.web
     wanted = _query(web, name, {key: first(form, key) for key in _KEYS}, admin.blind)
     if admin.blind:
-        raise HTTPException(409, "a download tells the conditions: turn blind mode off first")
+        raise HTTPException(409, "A download shows the conditions. Turn blind mode off first.")
     detail = {"study": name, "table": wanted.table} | ({"filtered": True} if wanted.contains else {})
     await asyncio.shield(web.database.write(audit.add, admin.name, "download table", detail))
     headers = {
@@ -81,7 +81,8 @@ _KEYS: Final = ("table", "contains", "column", "sort")
 
 
 def _query(web: Web, name: str, given: dict[str, str], blind: bool) -> DataQuery:
-    """What was asked for. Answers 404 for a table that is none; a column that is none, or hidden, is left out."""
+    """Return what was asked for. Answers 404 for a table that is none; a column that is none, or hidden, is left
+    out."""
     study_ids, _ = study_at(web, name)
     table = given["table"] or next(iter(TABLES))
     if table not in TABLES:
@@ -92,7 +93,7 @@ def _query(web: Web, name: str, given: dict[str, str], blind: bool) -> DataQuery
     return DataQuery(
         table,
         study_ids,
-        contains=given["contains"].replace("\x00", "")[:LONGEST_FILTER],
+        contains=given["contains"].replace("\x00", "")[:MAX_FILTER_LENGTH],
         column=given["column"] if given["column"] in names else "",
         sort=given["sort"] if given["sort"].removeprefix("-") in names else "",
         blind=blind,

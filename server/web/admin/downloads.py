@@ -1,4 +1,4 @@
-"""The export as a button: `kitchenmind export` itself, in a process of its own, so that games do not notice."""
+"""The export as a button: `kitchenmind export` itself, in a separate process, so that games do not notice."""
 
 import asyncio
 import subprocess
@@ -18,16 +18,16 @@ from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin/s/{name}")
 CHUNK_BYTES = 256 * 1024
-LONGEST_S = 600
+TIMEOUT_S = 600
 _one_at_a_time = asyncio.Lock()
 
 
 @router.post("/export")
 async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
-    """All data of the study as a zip archive. It tells the conditions, so not in blind mode."""
+    """All data of the study as a zip archive. It shows the conditions, so not in blind mode."""
     study_at(services.web, name)
     if admin.blind:
-        raise HTTPException(409, "an export tells the conditions: turn blind mode off first")
+        raise HTTPException(409, "An export shows the conditions. Turn blind mode off first.")
     if _one_at_a_time.locked():
         raise HTTPException(503, "another export is being made", {"Retry-After": "30"})
     async with _one_at_a_time:  # taken before anything else is awaited
@@ -43,12 +43,12 @@ async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFor
 
 
 async def _make(folder: Path, study: str, database: str) -> Path:
-    """The archive."""
+    """Return the archive."""
     words = ("server.commands.export_archive", str(folder), study)
     start = partial(start_module, *words, database=database, output=subprocess.PIPE, errors=subprocess.STDOUT)
     process = await asyncio.to_thread(start)
     try:
-        output, _ = await asyncio.to_thread(process.communicate, timeout=LONGEST_S)
+        output, _ = await asyncio.to_thread(process.communicate, timeout=TIMEOUT_S)
     finally:
         if process.poll() is None:
             process.kill()

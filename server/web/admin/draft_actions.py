@@ -21,7 +21,7 @@ from server.store.study_drafts import MERGED, DraftText, StudyDraft
 from server.study import drafting
 from server.study.loader import PlacedProblem, StudyError, StudyFile
 from server.study.yaml_edit import YamlEditError
-from server.web.admin.actions import OPEN_WITHIN_S, VERSION_WITHIN_S
+from server.web.admin.actions import OPEN_TIMEOUT_S, VERSION_TIMEOUT_S
 from server.web.admin.draft_pages import DraftDep, DraftFormDep, GridsDep
 from server.web.admin.draft_saving import MergeConflict, base_of, save_merged
 from server.web.admin.rendering import back_to
@@ -31,14 +31,14 @@ from server.web.services import Services, ServicesDep
 
 log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/drafts/{draft}")
-LARGEST_OPERATION: Final = 100_000
+MAX_OPERATION: Final = 100_000
 NOTES: Final = (study_drafts.EDITED, MERGED)
 
 
 def _text(form: DraftFormDep) -> str:
     text = first(form, "text")
-    if len(text) > drafting.MOST_CHARACTERS:
-        raise HTTPException(413, f"a study has at most {drafting.MOST_CHARACTERS:,} characters here")
+    if len(text) > drafting.MAX_CHARACTERS:
+        raise HTTPException(413, f"a study has at most {drafting.MAX_CHARACTERS:,} characters here")
     return text
 
 
@@ -51,8 +51,8 @@ async def look(
 ) -> Response:
     """Apply a change from the form to a text, and say what is in the text and what is wrong with it. Stores nothing."""
     text, operation = _text(form), first(form, "operation")
-    if len(operation) > LARGEST_OPERATION:
-        raise HTTPException(413, f"a change from the form has at most {LARGEST_OPERATION:,} characters")
+    if len(operation) > MAX_OPERATION:
+        raise HTTPException(413, f"a change from the form has at most {MAX_OPERATION:,} characters")
     refused = ""
     if operation:
         try:
@@ -105,7 +105,7 @@ async def save(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: Draf
     base = await base_of(database, draft.id, base, before)
     saved = await save_merged(database, draft.id, DraftText(admin.name, source, name, revision, note, base))
     if saved is None:
-        raise HTTPException(404, "there is no such draft")
+        raise HTTPException(404, "This draft does not exist. Open it from the list of drafts.")
     if isinstance(saved, MergeConflict):
         newest = saved.newest
         theirs = {"revision": newest.revision, "text": newest.source, "author": newest.changed_by}
@@ -146,20 +146,20 @@ async def open_study(
     except StudyError as error:
         log.warning("the draft %d is not opened: %s", draft.id, error)
         return back_to(back, "draft_refused")
-    if not await services.control.run_in_each(PrepareVersion(name, version.sha256), VERSION_WITHIN_S):
+    if not await services.control.run_in_each(PrepareVersion(name, version.sha256), VERSION_TIMEOUT_S):
         log.warning("the draft %d is not opened: not every server process is ready for it", draft.id)
         return back_to(back, "draft_refused")
     at = await asyncio.shield(web.database.write(_open, draft, (name, number, version.sha256), admin.name))
     if at is None:
         return back_to(back, "draft_name_taken")
     versions.open(replace(version, opened_at=at))
-    await services.control.run_in_each(OpenVersion(name, version.sha256, at), OPEN_WITHIN_S)
+    await services.control.run_in_each(OpenVersion(name, version.sha256, at), OPEN_TIMEOUT_S)
     return back_to(back, "draft_opened")
 
 
 def _open(connection: Connection, draft: StudyDraft, version: tuple[str, int, str], by: str) -> float | None:
-    """Store that a version is open, with its line in the audit log; return when, in Unix seconds. None: meanwhile the
-    draft was deleted, or another one was opened under this name."""
+    """Store that a version is open, with its line in the audit log; return when, in Unix seconds. None if the
+    draft was deleted in between, or another one was opened under this name."""
     name, number, sha256 = version
     if study_openings.is_taken(connection, name, draft.id) or study_drafts.get(connection, draft.id) is None:
         return None
@@ -175,7 +175,7 @@ async def close_study(admin: OwnDep, services: ServicesDep, draft: DraftDep, for
     name = first(form, "study")
     opened = (await services.web.database.read(study_openings.newest)).get(name)
     if opened is None or opened.draft_id != draft.id:
-        raise HTTPException(404, "there is no such study of this draft")
+        raise HTTPException(404, "This draft has no such study. Open it from the list of studies.")
     done = await asyncio.shield(services.web.database.write(_close, name, admin.name))
     return back_to(f"/admin/drafts/{draft.id}", "draft_closed" if done else "")
 

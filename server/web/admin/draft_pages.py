@@ -26,9 +26,9 @@ from server.web.security_headers import OURSELVES
 from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin/drafts")
-LARGEST_DRAFT_BYTES: Final = 9 * 1024 * 1024  # of a form: up to three texts, whose other letters take nine bytes
+MAX_DRAFT_BYTES: Final = 9 * 1024 * 1024  # of a form: up to three texts, whose other letters take nine bytes
 _MOST: Final = 2**31  # numbers in the database
-LONGEST_TITLE: Final = 200
+MAX_TITLE_LENGTH: Final = 200
 TEMPLATES: Final = {
     "external_predictor": ("The published study", "Three conditions, five kitchens, two agents, ten rounds."),
     "quick_look": ("A quick look", "A short study of some minutes, to try things out."),
@@ -42,15 +42,15 @@ TEMPLATES: Final = {
 
 
 async def draft_at(draft: int, web: WebDep) -> StudyDraft:
-    """The draft with this number. Answers 404 where there is none."""
+    """Return the draft with this number. Answers 404 where there is none."""
     found = await web.database.read(study_drafts.get, draft) if 0 < draft < _MOST else None
     if found is None:
-        raise HTTPException(404, "there is no such draft")
+        raise HTTPException(404, "This draft does not exist. Open it from the list of drafts.")
     return found
 
 
 async def kitchen_grids(web: WebDep) -> Mapping[str, str]:
-    """The grids of the kitchens that were saved in the dashboard, which a draft may name."""
+    """Return the grids of the kitchens that were saved in the dashboard, which a draft may name."""
     found: Mapping[str, str] = await web.database.read(kitchens.grids)
     return found
 
@@ -61,7 +61,7 @@ GridsDep = Annotated[Mapping[str, str], Depends(kitchen_grids)]
 async def whole_draft(
     draft: Annotated[StudyDraft, Depends(draft_at)], services: ServicesDep, grids: GridsDep
 ) -> StudyDraft:
-    """The draft with its kitchens and trained models in its text, as it would be opened."""
+    """Return the draft with its kitchens and trained models in its text, as it would be opened."""
     return replace(draft, source=await asyncio.to_thread(_whole, draft.source, services.versions, grids))
 
 
@@ -71,9 +71,9 @@ def _whole(source: str, versions: Versions, grids: Mapping[str, str]) -> str:
 
 
 async def _draft_form(request: Request, web: WebDep) -> Form:
-    """A form that may hold the text of a whole study."""
+    """Return a form that may hold the text of a whole study."""
     session = form_session(request)
-    return await read_form(request, web.csrf, session, controls=True, largest=LARGEST_DRAFT_BYTES)
+    return await read_form(request, web.csrf, session, controls=True, largest=MAX_DRAFT_BYTES)
 
 
 DraftDep = Annotated[StudyDraft, Depends(draft_at)]
@@ -82,7 +82,7 @@ DraftFormDep = Annotated[Form, Depends(_draft_form)]
 
 
 def templates_there() -> dict[str, tuple[str, str]]:
-    """The templates whose study file is there: file -> title and sentence."""
+    """Return the templates whose study file is there: file -> title and sentence."""
     return {name: words for name, words in TEMPLATES.items() if (ROOT / "studies" / f"{name}.yaml").is_file()}
 
 
@@ -120,7 +120,7 @@ def _new_page(request: Request, admin: OwnDep, given: dict[str, str], wrong: str
 async def create(request: Request, admin: OwnDep, services: ServicesDep, form: AdminFormDep) -> Response:
     """Begin a draft from a template."""
     given = {name: first(form, name).strip() for name in ("template", "name", "title")}
-    name, title = given["name"], given["title"][:LONGEST_TITLE]
+    name, title = given["name"], given["title"][:MAX_TITLE_LENGTH]
     wrong = ""
     if given["template"] not in templates_there():
         wrong = "Choose a template."
@@ -183,7 +183,7 @@ async def earlier(request: Request, number: int, admin: OwnDep, web: WebDep, dra
     rows = await web.database.read(study_drafts.history, draft.id)
     shown = next((row for row in rows if row.id == number), None)
     if shown is None:
-        raise HTTPException(404, "there is no such text in the history of this draft")
+        raise HTTPException(404, "The history of this draft has no such text. Open it from the history.")
     lines = await asyncio.to_thread(_difference, draft.source, shown.source)
     page = AdminPage(request, admin)
     context: dict[str, Any] = {"draft": draft, "rows": rows, "shown": shown, "lines": lines}
@@ -199,7 +199,7 @@ async def restore(admin: OwnDep, web: WebDep, draft: DraftDep, form: AdminFormDe
     """Make a text of the history the newest; the one that was the newest stays in the history."""
     found = await web.database.read(study_drafts.version, draft.id, whole_number(form, "version"))
     if found is None:
-        raise HTTPException(404, "there is no such text in the history of this draft")
+        raise HTTPException(404, "The history of this draft has no such text. Open it from the history.")
     name = await asyncio.to_thread(named, found.source) or draft.name
     text = DraftText(admin.name, found.source, name, draft.revision, "restored")
     saved = await web.database.write(study_drafts.save, draft.id, text)

@@ -34,7 +34,7 @@ class PreviewedStudies(Studies):
         super().__init__()
         self._versions, self._open = {0: study}, {study.name: 0}
 
-    async def said(self, database: Database, participant: Participant) -> None:
+    async def earlier_answers(self, database: Database, participant: Participant) -> None:
         """Nothing was answered, and what depends on answers is shown."""
 
 
@@ -55,7 +55,7 @@ class PreviewPlace:
     study: Study
     condition: str
     language: str
-    way: tuple[StudyStep, ...]
+    sequence: tuple[StudyStep, ...]
 
     def participant(self, position: int) -> Participant:
         now = datetime.now(UTC)
@@ -63,7 +63,7 @@ class PreviewPlace:
         return Participant("preview", 0, 1, 1, *here, True, now, now, None, None)
 
     def kitchen(self, step: StudyStep) -> KitchenChoice:
-        """Where a round or the practice is played."""
+        """Return where a round or the practice is played."""
         return self.study.tutorial.layout if step.kind == "tutorial" else self.study.layout(step.layout)
 
 
@@ -78,16 +78,16 @@ def place_of(study: Study, condition: str, language: str) -> PreviewPlace:
     if condition not in {one.name for one in study.conditions} or language not in study.languages:
         raise HTTPException(404, "the draft has no such condition or language any more")
     participant = PreviewPlace(study, condition, language, ()).participant(0)
-    return PreviewPlace(study, condition, language, PreviewedStudies(study).way(participant))
+    return PreviewPlace(study, condition, language, PreviewedStudies(study).steps_of(participant))
 
 
 @router.get("")
 async def overview(request: Request, admin: OwnDep, draft: WholeDraftDep) -> Response:
     """The steps of each condition, each with a link to its page."""
     study = await asyncio.to_thread(_studied, draft)
-    ways = {one.name: place_of(study, one.name, study.languages[0]).way for one in study.conditions}
+    sequences = {one.name: place_of(study, one.name, study.languages[0]).sequence for one in study.conditions}
     page = AdminPage(request, admin)
-    return page.render("draft_preview.html", tab="drafts", draft=draft, previewed=study, ways=ways)
+    return page.render("draft_preview.html", tab="drafts", draft=draft, previewed=study, sequences=sequences)
 
 
 @router.get("/{condition}/{language}/{position}")
@@ -102,13 +102,13 @@ async def step(
     """One page as a participant in the condition sees it."""
     place = place_of(await asyncio.to_thread(_studied, draft), condition, language)
     number = number_of(position)
-    if number >= len(place.way):
+    if number >= len(place.sequence):
         raise HTTPException(404, "the draft has no such step any more")
     made = preview_page(request, draft, place, number)
     if number < 0:
         context = consent_context(place.study, language, None, {}, "preview-" * 3)
         return made.render("participant/consent.html", **context)
-    here = place.way[number]
+    here = place.sequence[number]
     if not here.is_game:
         return await render_step(made, place.participant(number), None, 200)
     kitchen = place.kitchen(here)
@@ -123,7 +123,7 @@ async def step(
 
 
 def number_of(position: str) -> int:
-    """The index of a step; -1 for the consent page. Answers 404 for anything else."""
+    """Return the index of a step; -1 for the consent page. Answers 404 for anything else."""
     if position == CONSENT:
         return -1
     if not (position.isascii() and position.isdigit() and len(position) < 6):
@@ -134,7 +134,7 @@ def number_of(position: str) -> int:
 def preview_page(request: Request, draft: StudyDraft, place: PreviewPlace, number: int) -> PreviewPage:
     web: Web = AdminPage(request).web
     here = f"{web.csrf.root}/admin/drafts/{draft.id}/preview/{place.condition}/{place.language}"
-    names = [CONSENT, *(str(index) for index in range(len(place.way)))]
+    names = [CONSENT, *(str(index) for index in range(len(place.sequence)))]
     at = number + 1
     preview = {
         "draft": f"{web.csrf.root}/admin/drafts/{draft.id}",
@@ -161,7 +161,7 @@ async def next_page(
 ) -> Response:
     """What a page of the preview sends leads to the next page; nothing of it is read."""
     here = f"/admin/drafts/{draft.id}/preview/{condition}/{language}"
-    way = place_of(await asyncio.to_thread(_studied, draft), condition, language).way
+    sequence = place_of(await asyncio.to_thread(_studied, draft), condition, language).sequence
     number = number_of(position)
     follows = number + 1 if what in ("now", "consent") else number
-    return back_to(f"{here}/{min(follows, len(way) - 1) if follows >= 0 else CONSENT}")
+    return back_to(f"{here}/{min(follows, len(sequence) - 1) if follows >= 0 else CONSENT}")

@@ -1,11 +1,11 @@
-"""Routes that let simulated participants walk through a draft."""
+"""Routes that let simulated participants take part in a draft."""
 
 import asyncio
 from functools import partial
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
-from server.monitoring.rehearsals import MOST_BOTS, Rehearsal
+from server.monitoring.rehearsals import MAX_BOTS, Rehearsal
 from server.participation.draft_checks import draft_problems
 from server.store import audit
 from server.store.database import Database
@@ -24,15 +24,15 @@ async def outcome(request: Request, admin: OwnDep, services: ServicesDep, draft:
     """How the newest rehearsal of the draft goes or went."""
     page = AdminPage(request, admin)
     found = services.rehearsals.of(draft.id)
-    return page.render("draft_bots.html", tab="drafts", draft=draft, rehearsal=found, most=MOST_BOTS)
+    return page.render("draft_bots.html", tab="drafts", draft=draft, rehearsal=found, most=MAX_BOTS)
 
 
 @router.post("")
 async def start(admin: OwnDep, services: ServicesDep, draft: WholeDraftDep, form: AdminFormDep) -> Response:
     """Begin a rehearsal, unless one is running or somebody plays here: bots would take the time of their games."""
     number, here = whole_number(form, "number"), f"/admin/drafts/{draft.id}/bots"
-    if not 1 <= number <= MOST_BOTS:
-        raise HTTPException(400, f"give 1 to {MOST_BOTS} simulated participants")
+    if not 1 <= number <= MAX_BOTS:
+        raise HTTPException(400, f"give 1 to {MAX_BOTS} simulated participants")
     if len(services.games):
         return back_to(here, "bots_players")
     if not await asyncio.to_thread(_can_be_opened, draft.source, services):
@@ -44,8 +44,8 @@ async def start(admin: OwnDep, services: ServicesDep, draft: WholeDraftDep, form
 
 
 def _can_be_opened(source: str, services: Services) -> bool:
-    """Whether the draft has no errors. The bots' server loads its models: a file, a class or an address that the draft
-    may not name is an error, too."""
+    """Return whether the draft has no errors. The bots' server loads its models: a file, a class or an address that the
+    draft may not name is an error, too."""
     file, versions = drafting.view(source).file, services.versions
     found = [] if file is None else draft_problems(versions.as_opened(file, {}), versions.of_files())
     return file is not None and all(problem.warning for problem in found)

@@ -44,8 +44,8 @@ async def save_merged(database: Database, draft: int, text: DraftText) -> StudyD
 
 
 async def base_of(database: Database, draft: int, base: str | None, before: str | None) -> str | None:
-    """The text that an author's page and the server both had. `before`: what the page sent last, whose answer did not
-    come; the server may have saved it."""
+    """Return the text that an author's page and the server both had. `before`: what the page sent last, whose answer
+    did not come; the server may have saved it."""
     if before is not None and await database.read(study_drafts.was_saved, draft, before):
         return before
     return base

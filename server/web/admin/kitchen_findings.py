@@ -19,8 +19,8 @@ from server.settings import ROOT
 from server.study.checks import capitalised
 
 EPISODES: Final = 5
-LONGEST_S: Final = 90
-MOST_KEPT: Final = 100
+TIMEOUT_S: Final = 90
+MAX_KEPT: Final = 100
 _DRAWING: Final = "kitchen"  # what stands in errors for the name of a file
 _one_at_a_time = asyncio.Lock()
 _trials: dict[str, dict[str, Any]] = {}  # by the hash of the grid
@@ -84,7 +84,7 @@ async def trial(text: str) -> dict[str, Any]:
         raise HTTPException(503, "another kitchen is being tried", {"Retry-After": "2"})
     async with _one_at_a_time:  # taken before anything else is awaited
         found = await asyncio.to_thread(_tried, layout.text)
-    while len(_trials) >= MOST_KEPT:
+    while len(_trials) >= MAX_KEPT:
         _trials.pop(next(iter(_trials)))
     _trials[layout.sha256] = found
     return found
@@ -99,11 +99,11 @@ def _tried(grid: str) -> dict[str, Any]:
             input=grid.encode(),
             env={**os.environ, "PYTHONPATH": path, **one_thread},
             capture_output=True,
-            timeout=LONGEST_S,
+            timeout=TIMEOUT_S,
             check=True,
         )
     except subprocess.TimeoutExpired:
-        raise HTTPException(503, f"the trial took longer than {LONGEST_S} s and was stopped") from None
+        raise HTTPException(503, f"the trial took longer than {TIMEOUT_S} s and was stopped") from None
     except subprocess.CalledProcessError as error:
         raise HTTPException(500, error.stderr.decode(errors="replace")[-300:]) from None
     found: dict[str, Any] = json.loads(done.stdout)

@@ -25,7 +25,7 @@ from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin")
 NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,39}")
-LARGEST_TEXT: Final = 20_000
+MAX_TEXT: Final = 20_000
 EMPTY: Final = ("XXXXXXX", "X1   2X", "X     X", "X     X", "XXXXXXX")
 
 
@@ -43,7 +43,7 @@ async def own_kitchens(request: Request, admin: OwnDep, web: WebDep) -> Response
 @router.get("/kitchens/new")
 async def new_kitchen(request: Request, admin: OwnDep) -> Response:
     """An empty kitchen, a copy of a bundled one (`copy`), or one that a draft has typed (`grid`)."""
-    copied, grid = request.query_params.get("copy", ""), request.query_params.get("grid", "")[:LARGEST_TEXT]
+    copied, grid = request.query_params.get("copy", ""), request.query_params.get("grid", "")[:MAX_TEXT]
     rows = list(load_layout(copied).grid) if copied in layout_names() else grid.splitlines() or list(EMPTY)
     return _editor(request, admin, "", rows, [], 0)
 
@@ -158,8 +158,8 @@ def _studies(web: Web, kitchen: str) -> list[str]:
 
 def _grid(form: Form) -> str:
     text = first(form, "grid")
-    if len(text) > LARGEST_TEXT:
-        raise HTTPException(400, f"a kitchen has at most {LARGEST_TEXT} characters")
+    if len(text) > MAX_TEXT:
+        raise HTTPException(400, f"a kitchen has at most {MAX_TEXT} characters")
     return text
 
 

@@ -30,11 +30,11 @@ from server.web.services import Services, ServicesDep, services_of
 FIGURES_EVERY_S: Final = 2.0
 SESSION_EVERY_S: Final = 5.0
 log = logging.getLogger(__name__)
-MOST_BOARDS: Final = 60  # a page can show at once
+MAX_BOARDS: Final = 60  # a page can show at once
 
 
 class Watching:
-    """One open dashboard: what it shows and what it has been told."""
+    """One open dashboard: what it shows and what it has been sent."""
 
     def __init__(self, web: Web, live: LiveGames, study: str, admin: AdminSession) -> None:
         self.live, self.admin = live, admin
@@ -55,7 +55,7 @@ class Watching:
         shown = choice.get("show", self.shown)
         if not isinstance(shown, list) or not all(isinstance(one, str) for one in shown):
             raise ValueError("show is a list of episodes")
-        self.shown = shown[:MOST_BOARDS]
+        self.shown = shown[:MAX_BOARDS]
         tab = choice.get("tab")
         if isinstance(tab, str) and tab in overview.TABS:
             self.tab = tab
@@ -101,7 +101,7 @@ async def let_in(socket: WebSocket) -> AdminSession | None:
 
 
 async def still_in(socket: WebSocket, admin: AdminSession) -> bool:
-    """Whether the session continues as it was: neither ended nor with conditions shown or hidden since."""
+    """Return whether the session continues as it was: neither ended nor with conditions shown or hidden since."""
     with suppress(DatabaseDown):
         return await session_of(socket) == admin
     return True
@@ -124,20 +124,20 @@ async def watch(socket: WebSocket, name: str, services: ServicesDep) -> None:
     await converse(socket, _tell(socket, services, watching), watching.asked)
 
 
-async def converse(socket: WebSocket, tell: Coroutine[Any, Any, None], hear: Callable[[str], None]) -> None:
+async def converse(socket: WebSocket, send: Coroutine[Any, Any, None], hear: Callable[[str], None]) -> None:
     """Send news until one side ends it. After an error here the socket closes, because a page that keeps showing old
     news looks calm."""
-    teller, reader = asyncio.create_task(tell), asyncio.create_task(_listen(socket, hear))
+    sender, reader = asyncio.create_task(send), asyncio.create_task(_listen(socket, hear))
     try:
-        await asyncio.wait({teller, reader}, return_when=asyncio.FIRST_COMPLETED)
-        error = teller.exception() if teller.done() and not teller.cancelled() else None
+        await asyncio.wait({sender, reader}, return_when=asyncio.FIRST_COMPLETED)
+        error = sender.exception() if sender.done() and not sender.cancelled() else None
         if error is not None:
             if not isinstance(error, WebSocketDisconnect | RuntimeError):  # nobody to send to any more
                 log.error("cannot send news to a researcher's page", exc_info=error)
             with suppress(RuntimeError, WebSocketDisconnect):
                 await socket.close(CloseCode.FAILED, "the server failed")
     finally:
-        await ended(teller, reader)
+        await ended(sender, reader)
         with suppress(RuntimeError, WebSocketDisconnect):
             await socket.close()
 
@@ -151,7 +151,7 @@ async def _listen(socket: WebSocket, hear: Callable[[str], None]) -> None:
 
 async def _tell(socket: WebSocket, services: Services, watching: Watching) -> None:
     dashboard = services.dashboard
-    checked = told = time.monotonic() - FIGURES_EVERY_S
+    checked = sent_at = time.monotonic() - FIGURES_EVERY_S
     tab = ""
     while True:
         now = time.monotonic()
@@ -162,8 +162,8 @@ async def _tell(socket: WebSocket, services: Services, watching: Watching) -> No
         with suppress(DatabaseDown):
             await services.live.games.loop.between_batches()
             await send_news(socket, await watching.news())
-            if now - told >= FIGURES_EVERY_S or tab != watching.tab:
-                told, tab = now, watching.tab
+            if now - sent_at >= FIGURES_EVERY_S or tab != watching.tab:
+                sent_at, tab = now, watching.tab
                 news = await dashboard.of(watching.study_ids, watching.study, watching.tab, watching.admin.blind)
                 await services.live.games.loop.between_batches()
                 news = {"type": "figures", **news, "alerts": services.alerts.shown(watching.study.name)}

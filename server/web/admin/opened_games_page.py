@@ -5,7 +5,7 @@ from typing import Final
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
-from server.monitoring.opened_games import LARGEST_BYTES, UnreadableGamesError, opened
+from server.monitoring.opened_games import MAX_BYTES, UnreadableGamesError, opened
 from server.study.locale import locale
 from server.web.admin.rendering import AdminPage
 from server.web.admin.researcher_auth import WatchDep, form_session
@@ -22,14 +22,16 @@ _open: set[str] = set()  # whose file is being read
 async def page(request: Request, admin: WatchDep) -> Response:
     """Choose or drop a file."""
     texts = locale("en").section("game")
-    return AdminPage(request, admin).render("recordings.html", tab="recordings", largest=LARGEST_BYTES, texts=texts)
+    return AdminPage(request, admin).render("recordings.html", tab="recordings", largest=MAX_BYTES, texts=texts)
 
 
 @router.post("/records.json")
 async def records(request: Request, admin: WatchDep, web: WebDep, name: str = "") -> Response:
     """The episodes of the file in the body, simulated again. Answers 422 with the reason if they cannot be."""
     if not web.csrf.is_own_origin(request):
-        raise HTTPException(403, "this file was not sent by our own page")
+        raise HTTPException(
+            403, "The file was not sent by a page of this server. Open the page again and send it from there."
+        )
     if not web.csrf.is_own_form(request.headers.get(TOKEN_HEADER, ""), form_session(request)):
         raise HTTPException(403, "this page is too old: reload it and open the file again")
     if not _NAME.fullmatch(name):
@@ -38,7 +40,7 @@ async def records(request: Request, admin: WatchDep, web: WebDep, name: str = ""
         raise HTTPException(409, "another file of yours is still being read: wait a moment")
     _open.add(admin.name)
     try:
-        found = await opened(await body_of(request, LARGEST_BYTES, "file"), name)
+        found = await opened(await body_of(request, MAX_BYTES, "file"), name)
     except UnreadableGamesError as error:
         raise HTTPException(422, str(error)) from None
     finally:

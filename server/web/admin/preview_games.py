@@ -16,7 +16,7 @@ from server.play.recorder import EpisodeRecord, Recorder
 from server.web.participant.game_socket import IsOurs, Sockets
 from server.web.participant.watch_agents import Unstored
 
-MOST_GAMES: Final = 4  # at a time, so that researchers never take the time of participants
+MAX_GAMES: Final = 4  # at a time, so that researchers never take the time of participants
 _PLAYER: Final = "kitchenmind.previewing"  # in the scope of a socket: who plays on it
 
 
@@ -33,7 +33,7 @@ class PreviewGames:
 
     async def serve(self, socket: WebSocket, spec: EpisodeSpec, next_url: str) -> None:
         """Play one round from handshake to close; nothing of it is left afterwards, whatever the socket did."""
-        if len(self._specs) >= MOST_GAMES:
+        if len(self._specs) >= MAX_GAMES:
             return await socket.close(CloseCode.TRY_LATER)
         episode = f"preview-{secrets.token_hex(8)}"
         self._specs[episode] = spec

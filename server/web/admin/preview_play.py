@@ -35,7 +35,7 @@ class GameAddress:
     position: str
 
     def path(self, number: int) -> str:
-        """The address of a page of this preview."""
+        """Return the address of a page of this preview."""
         return f"/admin/drafts/{self.draft.id}/preview/{self.condition}/{self.language}/{number}"
 
 
@@ -47,11 +47,11 @@ AddressDep = Annotated[GameAddress, Depends(_address)]
 
 
 def _game(file: StudyFile, at: GameAddress) -> tuple[PreviewPlace, StudyStep]:
-    """The game at this place. Answers 404 where the draft has none."""
+    """Return the game at this place. Answers 404 where the draft has none."""
     place, number = place_of(file.study, at.condition, at.language), number_of(at.position)
-    if not 0 <= number < len(place.way) or not place.way[number].is_game:
+    if not 0 <= number < len(place.sequence) or not place.sequence[number].is_game:
         raise HTTPException(404, "the draft has no round here")
-    return place, place.way[number]
+    return place, place.sequence[number]
 
 
 @router.get("/play")
@@ -82,8 +82,8 @@ async def play(
 
 
 def _playable(source: str, services: Services) -> StudyFile | None:
-    """The draft as a study, unless something keeps it from being opened: its models are run here, and a file, a class
-    or an address that a draft may not name is an error, too."""
+    """Return the draft as a study, unless something keeps it from being opened: its models are run here, and a file, a
+    class or an address that a draft may not name is an error, too."""
     file, versions = drafting.view(source).file, services.versions
     if file is None:
         return None
@@ -92,7 +92,7 @@ def _playable(source: str, services: Services) -> StudyFile | None:
 
 
 async def _of_owner(connection: HTTPConnection, services: ServicesDep) -> bool:
-    """Whether the socket is from one of our pages, of a researcher who may write studies."""
+    """Return whether the socket is from one of our pages, of a researcher who may write studies."""
     session = await session_of(connection) if services.web.csrf.is_own_origin(connection) else None
     return session is not None and session.may("own")
 
@@ -118,7 +118,7 @@ async def _serve(
     socket: WebSocket, services: Services, file: StudyFile, place: PreviewPlace, step: StudyStep, at: GameAddress
 ) -> None:
     spec = episode_spec(place.study, step, at.condition, at.language)
-    following = min(number_of(at.position) + 1, len(place.way) - 1)
+    following = min(number_of(at.position) + 1, len(place.sequence) - 1)
     try:
         async with services.previews.models.playing(file, place.kitchen(step)) as layout:
             await services.previews.serve(socket, replace(spec, layout=layout), at.path(following))

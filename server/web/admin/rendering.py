@@ -17,38 +17,38 @@ from server.web.security_headers import policy
 
 SEE_OTHER = 303
 NOT_FOUND = 404
-SAID = {
+OUTCOMES = {
     "paused": "The game is paused.",
     "resumed": "The game continues.",
     "ended": "The game is ended.",
     "sent": "The message is sent.",
-    "extended": "There is more time now.",
+    "extended": "The participant has more time now.",
     "excluded": "The data are excluded.",
-    "restored": "The exclusion is taken back.",
+    "restored": "The exclusion is undone.",
     "released": "The place is free again.",
-    "study_paused": "The study is paused: nobody is let in, no game runs.",
+    "study_paused": "The study is paused: nobody can join, and no game runs.",
     "study_resumed": "The study continues.",
-    "version_served": "The new version is served: those who come from now on get it.",
-    "version_refused": "The new version could not be served: the alerts and the log say why.",
+    "version_served": "The new version is served: new participants get it.",
+    "version_refused": "The new version could not be served. The alerts and the log have the reason.",
     "signed_out": "The account is signed out everywhere.",
     "removed": "The account is removed.",
-    "deleted": "The participant is deleted. The audit log says so; only the count of those who left remains.",
+    "deleted": "The participant is deleted, which the audit log shows. Only the count of withdrawals is kept.",
     "nobody_found": "There is no participant with this id or code in this study.",
     "kitchen_removed": "The kitchen is removed. Its history is kept.",
     "version_unchanged": "No action taken: the study file is already served as it is.",
     "draft_restored": "The text is restored. The one before it is in the history.",
     "draft_deleted": "The draft is deleted.",
     "draft_is_open": "No action taken: close the study first.",
-    "draft_conflict": "No action taken: somebody else has changed the draft. Look at it again first.",
-    "draft_faulty": "The study is not opened yet: correct what the list of problems says first.",
-    "draft_name_taken": "The study is not opened: another draft with this name is open.",
-    "draft_refused": "The study could not be opened: the server's log says why.",
-    "draft_opened": "The study is open: participants are let in.",
-    "preview_players": "No action taken: participants are playing, and this would take the time of their games.",
-    "preview_models": "An agent or predictor of this round could not be loaded. The server's log says why.",
-    "bots_players": "No action taken: participants are playing, and bots would take the time of their games.",
+    "draft_conflict": "No action taken: somebody else has changed the draft. Check the changes first.",
+    "draft_faulty": "The study is not open yet: correct the listed problems first.",
+    "draft_name_taken": "The study is not open: another draft with this name is open.",
+    "draft_refused": "The study could not be opened. The server's log has the reason.",
+    "draft_opened": "The study is open: participants can join.",
+    "preview_players": "No action taken: participants are playing, and this would slow down their games.",
+    "preview_models": "An agent or predictor of this round could not be loaded. The server's log has the reason.",
+    "bots_players": "No action taken: participants are playing, and bots would slow down their games.",
     "bots_busy": "No action taken: another rehearsal is running. Try again when it is over.",
-    "draft_closed": "The study is closed: nobody new is let in. Participants who are in it can finish.",
+    "draft_closed": "The study is closed: nobody new can join. Current participants can finish.",
     "gone": "No action taken: the game or visit has already ended, or its server process did not answer.",
 }
 
@@ -68,7 +68,7 @@ class AdminPage:
         base: dict[str, Any] = {
             "admin": self.admin,
             "token": Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, self.form_token()),
-            "said": SAID.get(self.request.query_params.get("said", "")),
+            "outcome": OUTCOMES.get(self.request.query_params.get("outcome", "")),
             "here": self.request.url.path,
             "tab": "",
             "study": None,
@@ -84,36 +84,38 @@ class AdminPage:
         return response
 
     def study_address(self, name: str) -> str:
-        """What participants open, in full."""
+        """Return what participants open, in full."""
         csrf = self.web.csrf
         base = csrf.public_url.rstrip("/") or str(self.request.base_url).rstrip("/")
         return f"{base}/s/{name}"
 
     def form_token(self) -> str:
-        """What every form of this session must bring back."""
+        """Return what every form of this session must bring back."""
         return self.web.csrf.form_token(form_session(self.request))
 
 
 def researchers_error(request: Request, status: int, reason: str) -> HTMLResponse:
-    """What a researcher sees of a request that failed; nobody is known on this page, so it says nothing of a study."""
+    """Return what a researcher sees of a request that failed; nobody is known on this page, so it says nothing of a
+    study."""
     title = "Page not found" if status == NOT_FOUND else "That did not work"
     text = "Check the address." if reason == "Not Found" else f"{capitalised(reason)}."
     return AdminPage(request).render("error.html", status, title=title, text=text)
 
 
-def back_to(path: str, said: str = "") -> RedirectResponse:
+def back_to(path: str, outcome: str = "") -> RedirectResponse:
     """To one of our own pages, with a word about what was done."""
-    return RedirectResponse(path + (f"?said={said}" if said else ""), SEE_OTHER, {"Cache-Control": "no-store"})
+    return RedirectResponse(path + (f"?outcome={outcome}" if outcome else ""), SEE_OTHER, {"Cache-Control": "no-store"})
 
 
 def own_path(path: str) -> str:
-    """The path if it is one of a researcher's pages, else their first page."""
+    """Return the path if it is one of a researcher's pages, else their first page."""
     plain = all(letter.isalnum() or letter in "/_-.~" for letter in path)
     return path if plain and path.startswith("/admin/") and "//" not in path else "/admin"
 
 
 def study_at(web: Web, name: str) -> tuple[tuple[int, ...], Study]:
-    """The numbers of all versions of a study, newest first, and the newest itself. Answers 404 where there is none."""
+    """Return the numbers of all versions of a study, newest first, and the newest itself. Answers 404 where there is
+    none."""
     versions = web.studies.versions(name)
     opened = web.studies.open(name)
     if opened is not None:

@@ -76,7 +76,7 @@ async def follow(socket: WebSocket, name: str, episode: str, services: ServicesD
 
 
 async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str], admin: AdminSession) -> None:
-    told, checked, looked = -1, time.monotonic(), 0.0
+    sent, checked, looked = -1, time.monotonic(), 0.0
     card: Card | View | None = None
     stored = StoredTicks(live.web.database, which[1])
     while True:
@@ -97,8 +97,8 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             await asyncio.sleep(STORED_EVERY_S)
             continue
         session = card.game.session
-        if session.stored and not card.game.busy and session.record is not None and session.simulation.timestep > told:
-            told = session.simulation.timestep
+        if session.stored and not card.game.busy and session.record is not None and session.simulation.timestep > sent:
+            sent = session.simulation.timestep
             row = row_of(session.record, session.simulation, admin.blind)
             new = [input_of(one, session.spec.tick_ms) for one in visible(session.record.inputs, admin.blind)]
             await send_news(socket, {"type": "tick", "row": row, "inputs": new})

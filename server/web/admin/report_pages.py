@@ -63,7 +63,7 @@ async def download(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) ->
 
 def _check_sight(admin: AdminSession) -> None:
     if admin.blind:
-        raise HTTPException(409, "a report tells the conditions: turn blind mode off first")
+        raise HTTPException(409, "A report shows the conditions. Turn blind mode off first.")
 
 
 async def _archive(web: Web, name: str, admin: AdminSession) -> bytes:

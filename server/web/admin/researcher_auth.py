@@ -1,4 +1,4 @@
-"""Who of the researchers is asking: their cookie, what their role allows, forms of their own, and tries to sign in."""
+"""Sign-in of researchers: their session cookie, what their role allows, signed forms, and limited tries."""
 
 import hashlib
 import secrets
@@ -26,7 +26,7 @@ NOBODY = "a researcher who is not signed in"
 
 
 def token_hash(token: str) -> str:
-    """What is stored of a session's token."""
+    """Return what is stored of a session's token."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
@@ -36,7 +36,7 @@ def _token(connection: HTTPConnection) -> str:
 
 
 async def session_of(connection: HTTPConnection) -> AdminSession | None:
-    """Who is signed in; None for everybody else. Raises DatabaseDown."""
+    """Return the signed-in researcher, or None. Raises DatabaseDown."""
     token = _token(connection)
     if not token:
         return None
@@ -58,7 +58,7 @@ def _needs(role: str) -> Callable[[Request], Coroutine[Any, Any, AdminSession]]:
                 raise HTTPException(303, "sign in first", {"Location": f"{PATH}/login?next={quote(request.url.path)}"})
             raise HTTPException(401, "sign in first")
         if not session.may(role):
-            raise HTTPException(403, f"this needs the role {role}")
+            raise HTTPException(403, f"This needs the role {role}. An owner can give it to you.")
         return session
 
     return signed_in
@@ -70,7 +70,7 @@ OwnDep = Annotated[AdminSession, Depends(_needs("own"))]
 
 
 async def own_form(request: Request, web: WebDep) -> Form:
-    """A form from one of our own pages, made for this session."""
+    """Return a form from one of our own pages, made for this session."""
     return await read_form(request, web.csrf, form_session(request))
 
 
@@ -78,7 +78,7 @@ AdminFormDep = Annotated[Form, Depends(own_form)]
 
 
 def form_session(request: Request) -> str:
-    """What a researcher's form is bound to."""
+    """Return what a researcher's form is bound to."""
     token = _token(request)
     return token_hash(token) if token else NOBODY
 
@@ -89,11 +89,11 @@ def form_session(request: Request) -> str:
 async def sign_in(
     web: Web, hashing: Hashing, connection: HTTPConnection, name: str, password: str
 ) -> tuple[GuessOutcome, str | None]:
-    """Check name and password. Returns what came of it, and the stored hash of an account. Raises guessing.Busy."""
+    """Check name and password. Returns the outcome, and the stored hash of an account. Raises guessing.Busy."""
     stored = await web.database.read(admins.password_hash_of, name)
     origin = guess_limits.known_browser(web, connection, name, stored)
     if origin is None:
-        origin = guess_limits.stranger(web, connection, guess_limits.PASSWORD)
+        origin = guess_limits.origin_of_address(web, connection, guess_limits.PASSWORD)
     counted = (
         name if stored is not None else guess_limits.keyed(web, "name", name)
     )  # it may be a password, typed too early

@@ -7,7 +7,7 @@ from fastapi import APIRouter, HTTPException, Request, Response
 
 from server.monitoring import latency_history
 from server.monitoring.arms import arm_names
-from server.monitoring.dashboard import step_name, way_of
+from server.monitoring.dashboard import step_name, steps_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
 from server.participation.study_warnings import warnings_of
@@ -115,7 +115,7 @@ async def blind(admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
 
 @router.get("/audit")
 async def audit_page(request: Request, admin: WatchDep, web: WebDep) -> Response:
-    """Who did what, latest first, and whether the log is whole. Conditions are never in it."""
+    """Show the audit log, latest first, and whether it is intact. Conditions are never in it."""
     entries = await web.database.read(audit.entries)
     forged = await web.database.read(audit.first_forged)
     shown = entries[::-1][:AUDIT_SHOWN]
@@ -124,7 +124,7 @@ async def audit_page(request: Request, admin: WatchDep, web: WebDep) -> Response
 
 @router.get("/accounts")
 async def accounts(request: Request, admin: OwnDep, web: WebDep) -> Response:
-    """Who may sign in."""
+    """Show the accounts."""
     return AdminPage(request, admin).render("accounts.html", tab="accounts", rows=await web.database.read(admins.every))
 
 
@@ -132,7 +132,9 @@ async def accounts(request: Request, admin: OwnDep, web: WebDep) -> Response:
 async def change_account(account: str, action: str, admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
     """Sign an account out everywhere, or remove it; nobody removes their own."""
     if action not in ("signed_out", "removed") or (action == "removed" and account == admin.name):
-        raise HTTPException(400, "this cannot be done to this account")
+        raise HTTPException(
+            400, "Unknown action, or you tried to remove your own account. Another owner can remove it."
+        )
     await web.database.write(admins.close_all if action == "signed_out" else admins.remove, account)
     await web.database.write(audit.add, admin.name, f"account {action}", {"name": account})
     return back_to("/admin/accounts", action)
@@ -173,9 +175,9 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
     study_ids, study = study_at(web, name)
     found = await web.database.read(overview.person, person)
     if found is None or found.study_id not in study_ids:
-        raise HTTPException(404, "there is no such participant in this study")
+        raise HTTPException(404, "This study has no such participant. Open them from the dashboard.")
     played = await web.database.read(overview.played_by, person)
-    way = way_of(web.studies, found)
+    sequence = steps_of(web.studies, found)
     return AdminPage(request, admin).render(
         "person.html",
         tab="live",
@@ -183,7 +185,7 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
         person=found,
         label=participants.label(found.number, found.simulated),
         arm="" if admin.blind else found.condition,
-        now=step_name(way[min(found.position, len(way) - 1)]),
+        now=step_name(sequence[min(found.position, len(sequence) - 1)]),
         rows=await _games(services, study, played),
         exclusions=await web.database.read(decisions.exclusions_of, [person]),
         reasons=decisions.EXCLUSION_REASONS,
@@ -196,7 +198,7 @@ async def latency_history_of(name: str, admin: WatchDep, services: ServicesDep) 
     """People of the study and lateness of the server over time."""
     study_ids, _ = study_at(services.web, name)
     return {
-        "machine": services.latency_history.said(),
+        "machine": services.latency_history.to_columns(),
         "people": await services.web.database.read(latency_history.people, study_ids),
     }
 
@@ -211,7 +213,7 @@ async def consort(name: str, admin: WatchDep, web: WebDep) -> Response:
 
 
 async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
-    """What the diagram shows: the flow, and how it splits into arms."""
+    """Return what the diagram shows: the flow, and how it splits into arms."""
     study_ids, study = study_at(web, name)
     held = await web.database.read(stock, await web.database.read(overview.group_to_show, study_ids))
     arms = arms_of(study, held, arm_names(study, blind), blind)
@@ -237,9 +239,9 @@ async def _games(services: Services, study: Study, played: list[Played]) -> list
     reasons = {one.episode_id or one.participant_id: one.reason for one in held}
     rows = []
     for one in played:
-        said: dict[str, Any] = {"quality": services.dashboard.quality.of(one.id)}
-        said |= {"excluded": reasons.get(one.id) or reasons.get(one.participant_id, "")}
-        rows.append(_game(study, one) | said)
+        details: dict[str, Any] = {"quality": services.dashboard.quality.of(one.id)}
+        details |= {"excluded": reasons.get(one.id) or reasons.get(one.participant_id, "")}
+        rows.append(_game(study, one) | details)
     return rows
 
 

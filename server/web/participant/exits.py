@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from server.participation import progress
-from server.participation.recruiter_links import recruitment_of, way_back
+from server.participation.recruiter_links import recruitment_of, return_target
 from server.store.participants import Participant
 from server.study.recruitment import Exit
 from server.web import deletion, guess_limits
@@ -35,7 +35,7 @@ def _turned_away(made: PageResponse, opened: OpenStudy, outcome: Exit, template:
     recruitment = opened.study.recruitment
     person, extra = recruitment_of(recruitment, dict(made.request.query_params))
     values = extra | {name: value for name, value in (("person", person), ("code", outcome.code)) if value}
-    back = way_back(recruitment, outcome, values)
+    back = return_target(recruitment, outcome, values)
     return made.render(f"participant/{template}.html", code=outcome.code, back=back)
 
 
@@ -89,5 +89,5 @@ async def _by_code(
         found = await web.database.read(progress.by_code, web.studies, opened.study.name, code)
         return found is not None
 
-    outcome = await guess_limits.guarded(web, guess_limits.stranger(web, request, guess_limits.CODE), "", look)
+    outcome = await guess_limits.guarded(web, guess_limits.origin_of_address(web, request, guess_limits.CODE), "", look)
     return outcome, found

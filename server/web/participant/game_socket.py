@@ -28,13 +28,13 @@ from server.web.services import ServicesDep
 log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
 _BEAT_PARTS: Final = 10  # of all sockets, one after the other: many pings at once are many answers at once
-MOST_OF_ONE: Final = 8  # sockets of one participant
+MAX_OF_ONE: Final = 8  # sockets of one participant
 CLIENT_ERRORS_PER_S: Final = 1 / 60  # of one participant that are passed on
 CLIENT_ERRORS_BURST: Final = 10.0
 _BUCKETS_KEPT: Final = 10_000
 
 
-# (connection with the cookie, study) -> who
+# (connection with the cookie, study) -> participant
 FindPlayer = Callable[[HTTPConnection, str], Awaitable[ConnectedPlayer | None]]
 IsOurs = Callable[[HTTPConnection], bool]
 Report = Callable[[str, str], Awaitable[None]]  # (participant, text of a problem in their browser)
@@ -91,7 +91,7 @@ class Sockets:
         return len(self._open)
 
     def rtts_ms(self) -> dict[str, float]:
-        """The last measured round trip of every connected participant."""
+        """Return the last measured round trip of every connected participant."""
         return {
             socket.player.participant: socket.send_queue.rtt_ms
             for socket in self._open
@@ -132,7 +132,7 @@ class Sockets:
         """Limit a participant's sockets: a page has one, but a lost one stays open for seconds. The oldest of too many
         closes."""
         own = [one for one in self._open if one.player.participant == participant]
-        for one in own[:-MOST_OF_ONE]:
+        for one in own[:-MAX_OF_ONE]:
             one.close(CloseCode.REFUSED, "too many connections")
 
     def dismiss(self, participant: str, reason: str) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from server.web.participant.game_socket import PlayerSocket
 
 log = logging.getLogger(__name__)
-MOST_REFUSED: Final = 20  # bad messages on one socket
+MAX_REFUSED: Final = 20  # bad messages on one socket
 UNBOUNDED_PER_S: Final = 1e9
 _DIRECT: Final = ('{"type":"input"', '{"type":"pong"')  # as browsers write them; others are decoded by the slower path
 
@@ -29,7 +29,7 @@ class Gate:
         self._refused = 0
 
     def let_in(self, text: str | None, mine: "PlayerSocket", now: float) -> messages.Incoming | None:
-        """The message of a frame; None when it was refused, answered here, or the socket is to close."""
+        """Return the message of a frame; None when it was refused, answered here, or the socket is to close."""
         if text is None:
             mine.close(CloseCode.NOT_TEXT, "this protocol has text frames only")
             return None
@@ -50,7 +50,7 @@ class Gate:
 
     def _refuse(self, reason: str, mine: "PlayerSocket", now: float) -> None:
         self._refused += 1
-        if self._refused > MOST_REFUSED or not self._bucket.spend(now):
+        if self._refused > MAX_REFUSED or not self._bucket.spend(now):
             mine.close(CloseCode.REFUSED, "too many bad messages")
         else:
             mine.send(messages.Refused("bad_message", reason))

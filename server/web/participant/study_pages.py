@@ -42,9 +42,9 @@ from server.web.participant.views import Filled, consent_context, render_step
 router = APIRouter()
 router.include_router(visit_counts.router)
 SEE_OTHER = 303
-MOST_PICTURES = 5  # of kitchens of one study
+MAX_PICTURES = 5  # of kitchens of one study
 CHECK_S = 15
-MOST_ECHOES = 20
+MAX_ECHOES = 20
 ECHOED_CHARACTERS = 16
 
 
@@ -64,7 +64,7 @@ async def choose(request: Request, web: WebDep) -> Response:
 
 def _kitchens(study: Study) -> list[tuple[Text, list[str]]]:
     """Titles and grids of the first kitchens, for their pictures."""
-    shown = study.layouts[:MOST_PICTURES] if "episodes" in study.flow else []
+    shown = study.layouts[:MAX_PICTURES] if "episodes" in study.flow else []
     return [(kitchen.title, layout_of(kitchen).text.splitlines()) for kitchen in shown]
 
 
@@ -124,7 +124,7 @@ async def consent(
     made = _in_language(page(request, web, study), first(form, "language"))
     visit = first(form, "visit")
     if not 16 <= len(visit) <= 64:
-        raise HTTPException(400, "the form lacks its number")
+        raise HTTPException(400, "The form has no valid number. Reload the page.")
     token = token_for(web.csrf.secret, study.name, visit)
     holder = participant.id if participant is not None else None
     simulated = _is_simulated(web, form)
@@ -202,7 +202,7 @@ async def check_connection(socket: WebSocket, name: str, web: WebDep) -> None:
     code = CloseCode.FINISHED
     try:
         async with asyncio.timeout(CHECK_S):
-            for _ in range(MOST_ECHOES):
+            for _ in range(MAX_ECHOES):
                 words = await socket.receive_text()
                 await socket.send_text(words[:ECHOED_CHARACTERS])
     except KeyError:
@@ -237,8 +237,8 @@ async def submit(
     if participant.status != "active" or first(form, "step") != step.key:
         return back
     study = web.studies.of(participant)
-    said = await web.studies.said(web.database, participant) or {}
-    checked, attention = check_page(study, participant, step, form, said)
+    earlier = await web.studies.earlier_answers(web.database, participant) or {}
+    checked, attention = check_page(study, participant, step, form, earlier)
     if checked.faults:
         if any(fault.reason == "wrong" for fault in checked.faults.values()):
             failed = progress.FailedQuiz(_attempt(form), {key: checked.answers.get(key) for key in checked.faults})
@@ -251,7 +251,7 @@ async def submit(
 
 
 def _attempt(form: Form) -> int:
-    """The number that the quiz's page carried; 0, which no attempt has, for anything else."""
+    """Return the number that the quiz's page carried; 0, which no attempt has, for anything else."""
     text = first(form, "attempt")
     return int(text) if text.isascii() and text.isdigit() and len(text) < 6 else 0
 

@@ -9,7 +9,7 @@ from fastapi import Response
 from server.participation import pairing, progress
 from server.participation.episode_specs import layout_of, lessons, show_of, view_radius_of
 from server.participation.page_answers import questions_of
-from server.participation.recruiter_links import WayBack, way_back
+from server.participation.recruiter_links import ReturnTarget, return_target
 from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
@@ -37,9 +37,9 @@ async def render_step(page: PageResponse, participant: Participant, filled: Fill
         kind, outcome = await _ended(page, participant)
         words: dict[str, Any] = {"kind": kind, "outcome": outcome, "debriefing": debriefing_of(page, participant)}
         return page.render("participant/ended.html", **words, back=await _back(page, outcome))
-    way = page.web.studies.way(participant)
+    sequence = page.web.studies.steps_of(participant)
     step = page.web.studies.step(participant)
-    shown = {one.phase for one in way} | {"consent"}
+    shown = {one.phase for one in sequence} | {"consent"}
     base: dict[str, Any] = {
         "step": step,
         "phases": [phase for phase in PHASES if phase in shown],
@@ -99,24 +99,24 @@ def debriefing_of(page: PageResponse, participant: Participant) -> Section | Non
     return study.pages[study.debriefing] if misled and study.debriefing else None
 
 
-async def _back(page: PageResponse, outcome: Exit, code: str = "") -> WayBack | None:
+async def _back(page: PageResponse, outcome: Exit, code: str = "") -> ReturnTarget | None:
     participant = page.participant
     if participant is None:
         return None
     kept = await page.web.database.read(participants.personal_of, participant.id)
     person = kept.pop(RECRUITMENT_ID, "")
     values = {name: value for name, value in (("person", person), ("code", outcome.code or code)) if value}
-    return way_back(page.web.studies.of(participant).recruitment, outcome, kept | values)
+    return return_target(page.web.studies.of(participant).recruitment, outcome, kept | values)
 
 
 async def _questions(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:
     study = page.web.studies.of(participant)
-    said = await page.web.studies.said(page.web.database, participant)
+    earlier = await page.web.studies.earlier_answers(page.web.database, participant)
     questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[step.asks]
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
     return {
         "questionnaire": questionnaire,
-        "questions": questions_of(study, participant, step, said),
+        "questions": questions_of(study, participant, step, earlier),
         "form": filled.form,
         "faults": messages,
         "attempts": None,
@@ -156,7 +156,8 @@ async def _introduction(
 
 
 def _slide_text(slide: str, display: str, with_human: bool) -> str:
-    """The key of a slide's text: what marks are depends on what is drawn, and who the partner is on the study."""
+    """Return the key of a slide's text: what marks are depends on what is drawn, and who the partner is on the
+    study."""
     drawn = f"_{display}" if slide == "marks" and display in ("intention", "both") else ""
     return f"introduction.{slide}{drawn}{'_human' if with_human and slide in ('team', 'marks') else ''}"
 

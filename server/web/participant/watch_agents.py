@@ -23,8 +23,8 @@ from server.web.dependencies import WebDep, page
 from server.web.participant.game_socket import IsOurs, Sockets
 from server.web.services import ServicesDep
 
-MOST_GAMES: Final = 12  # so that viewers never slow down participants' games
-MOST_OF_ONE_ADDRESS: Final = 4  # not counted on this machine
+MAX_GAMES: Final = 12  # so that viewers never slow down participants' games
+MAX_OF_ONE_ADDRESS: Final = 4  # not counted on this machine
 HORIZON: Final = 400
 _EPISODE: Final = "kitchenmind.watched"  # in the scope of a socket: the game that was made for it
 _SHOWN: Final = Condition(name="watch", predictor="tom")
@@ -99,7 +99,7 @@ class Demonstrations:
         self.sockets = Sockets(self.games, self._find, is_ours)
 
     def offers(self) -> list[Offer]:
-        """Every kitchen of the open studies with its agents."""
+        """Return every kitchen of the open studies with its agents."""
         found = [opened[1] for name in self._studies.names() if (opened := self._studies.open(name))]
         offers: dict[tuple[str, tuple[str, ...]], Offer] = {}
         for study in (study for study in found if "episodes" in study.flow):
@@ -161,9 +161,9 @@ class Demonstrations:
         """Return whether there is a place. If all are taken, the viewer who has been without a running game for longest
         is disconnected."""
         own = [episode for episode, one in self._onlookers.items() if one.address == address]
-        if address not in HERE and len(own) >= MOST_OF_ONE_ADDRESS:
+        if address not in HERE and len(own) >= MAX_OF_ONE_ADDRESS:
             candidates = own
-        elif len(self._onlookers) >= MOST_GAMES:
+        elif len(self._onlookers) >= MAX_GAMES:
             candidates = list(self._onlookers)
         else:
             return True

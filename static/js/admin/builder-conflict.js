@@ -7,7 +7,7 @@ import { make } from './elements.js';
 /** @typedef {import('./builder-saving.js').Contradiction} Contradiction */
 
 const LINES_BEFORE = 2; // of what both have, to find the place
-const MOST_LINES = 14; // of a field
+const MAX_LINES = 14; // of a field
 
 /**
  * Ask what to do. The answer is the text to continue with.
@@ -54,7 +54,7 @@ function field(part, before) {
   left.value = part.theirs;
   right.value = part.mine;
   const lines = Math.max(...[part.theirs, part.mine].map((text) => text.split('\n').length));
-  for (const area of [left, right]) area.rows = Math.min(MOST_LINES, Math.max(2, lines));
+  for (const area of [left, right]) area.rows = Math.min(MAX_LINES, Math.max(2, lines));
   left.onscroll = () => right.scrollTo(left.scrollLeft, left.scrollTop);
   const take = make('button', { className: 'btn tiny', type: 'button' }, 'Take theirs here');
   take.onclick = () => {

@@ -8,10 +8,10 @@ import { local, readJson } from '../browser/storage.js';
 /** @typedef {{ revision: number, text: string, base?: string, sent?: string }} Kept */
 
 const AFTER_MS = 600; // of no typing
-const AT_MOST_MS = 1500; // however much is typed
+const MAX_DELAY_MS = 1500; // however much is typed
 const RETRY_MS = 2000;
 const TAKE_IN_AFTER_MS = 200;
-const LARGEST_LAST = 60_000; // bytes that a request may send after its page was closed
+const MAX_LAST = 60_000; // bytes that a request may send after its page was closed
 export const SAVING = 'Saving …';
 const WITH_OTHERS = 'Saved, with changes that somebody else has made';
 
@@ -76,7 +76,7 @@ export class DraftSaving {
     if (this.isStopped) return;
     this.on.state(SAVING, true);
     this.waitingSinceMs ||= performance.now();
-    const left = AT_MOST_MS - (performance.now() - this.waitingSinceMs);
+    const left = MAX_DELAY_MS - (performance.now() - this.waitingSinceMs);
     this.schedule(Math.max(0, Math.min(AFTER_MS, left)));
   }
 
@@ -188,6 +188,6 @@ export class DraftSaving {
     if (this.isStopped || this.text === this.savedText) return;
     const fields = { text: this.text, revision: String(this.revision), note: 'edited' };
     const whole = { ...fields, base: this.savedText };
-    this.requests.sendLast('save', new URLSearchParams(whole).toString().length < LARGEST_LAST ? whole : fields);
+    this.requests.sendLast('save', new URLSearchParams(whole).toString().length < MAX_LAST ? whole : fields);
   }
 }

@@ -9,7 +9,7 @@
 
 const LOOK_AFTER_MS = 250; // of no typing in the YAML
 const RETRY_MS = 1500;
-const MOST_UNDONE = 200;
+const MAX_UNDONE = 200;
 const NEVER = new Set([400, 413, 422, 500]); // answers that a second try does not change
 
 export class DraftSession {
@@ -60,7 +60,7 @@ export class DraftSession {
 
   remember() {
     if (this.before.at(-1) !== this.text) this.before.push(this.text);
-    if (this.before.length > MOST_UNDONE) this.before.shift();
+    if (this.before.length > MAX_UNDONE) this.before.shift();
   }
 
   /** Go back to the text before the last change. */

@@ -34,7 +34,7 @@ export class MissingTexts {
     this.found = found;
     const missing = languages.filter((language) => found.get(language)?.length);
     this.place.hidden = missing.length === 0;
-    for (const language of languages) this.tell(language, found.get(language)?.length ?? 0);
+    for (const language of languages) this.showCount(language, found.get(language)?.length ?? 0);
   }
 
   /**
@@ -42,7 +42,7 @@ export class MissingTexts {
    * @param {string} language
    * @param {number} count
    */
-  tell(language, count) {
+  showCount(language, count) {
     const old = [...this.place.querySelectorAll('button')].find((one) => one.dataset.language === language);
     const button = old ?? make('button', { className: 'btn tiny', type: 'button', 'data-language': language });
     if (!old) {
@@ -65,7 +65,7 @@ export class MissingTexts {
 }
 
 /**
- * Whether a text that is there has no words in this language. A text that is no block is the same in all.
+ * Whether a text that is there has no words in this language. A text that is not a block is the same in all.
  * @param {PlanNode} node
  * @param {string} language
  */

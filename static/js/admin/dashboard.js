@@ -191,8 +191,8 @@ search.addEventListener('input', showFigures);
 
 await sprites.load();
 listen(`${root}/admin/s/${study}/live`, {
-  open: (tell) => {
-    send = tell;
+  open: (sendMessage) => {
+    send = sendMessage;
     tellView();
   },
   message: (/** @type {Researcher.Cards | Researcher.Figures} */ message) => {

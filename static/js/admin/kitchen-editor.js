@@ -151,7 +151,7 @@ function onKey(event) {
   event.preventDefault();
 }
 
-/** One stroke of a pointer is taken back at once. */
+/** Undo reverts one whole stroke of a pointer. */
 function listenToPointer() {
   /** @type {Grid} */
   let before = list.now;

@@ -2,8 +2,8 @@
 
 /** @import { Cell, Grid } from '../board/kitchen.js' */
 
-export const SMALLEST_SIDE = 3;
-export const LARGEST_SIDE = 32;
+export const MIN_SIDE = 3;
+export const MAX_SIDE = 32;
 export const TILES = [' ', 'X', 'O', 'D', 'P', 'S', '1', '2'];
 /** @type {Record<string, string>} */
 export const TILE_NAMES = {
@@ -56,7 +56,7 @@ export function resized(grid, columns, rows) {
 }
 
 /**
- * Return the cells on the way from one to another, both included: what a pointer passed between two events.
+ * Return the cells on the line from one to another, both included: those that a pointer passed between two events.
  * @param {Cell} from
  * @param {Cell} to
  * @returns {Cell[]}
@@ -75,8 +75,8 @@ export function between([fromX, fromY], [toX, toY]) {
  * @returns {Grid}
  */
 export function filledUp(rows) {
-  const columns = Math.min(LARGEST_SIDE, Math.max(SMALLEST_SIDE, ...rows.map((row) => row.length)));
-  return rows.slice(0, LARGEST_SIDE).map((row) => row.slice(0, columns).padEnd(columns, 'X'));
+  const columns = Math.min(MAX_SIDE, Math.max(MIN_SIDE, ...rows.map((row) => row.length)));
+  return rows.slice(0, MAX_SIDE).map((row) => row.slice(0, columns).padEnd(columns, 'X'));
 }
 
 /** The grids that were drawn one after the other. */

@@ -22,7 +22,7 @@ export class UnsavedDrawing {
   }
 
   /**
-   * Return what was kept; null if there is none, if it is no other than `rows`, or if the address asks for a drawing.
+   * Return what was kept; null if there is none, if it equals `rows`, or if the address asks for a drawing.
    * @param {Grid} rows
    * @returns {Drawing | null}
    */

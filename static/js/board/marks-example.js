@@ -33,7 +33,7 @@ function kitchenAfter(done) {
   for (const action of actions.filter((each) => each < STAY)) {
     facing = action;
     const [columns, rows] = STEP[action];
-    if (y + rows > 0) [x, y] = [x + columns, y + rows]; // the pot's row is no floor
+    if (y + rows > 0) [x, y] = [x + columns, y + rows]; // the pot's row is not floor
   }
   const isIn = actions.includes(INTERACT);
   /** @type {Pot} */

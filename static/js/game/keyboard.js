@@ -13,7 +13,7 @@ const MAX_GAPS = 4; // ... or for longer than this many of its own repeats
  * menu may swallow it, when their repeats stop, and when another press of the same key shows that it was.
  * @param {Keys} keys
  * @param {() => boolean} hasFocus whether keys belong to the game now; only then the page is kept from scrolling
- * @param {(change: Change) => void} changed is told every change
+ * @param {(change: Change) => void} changed is called with every change
  */
 export function listenToKeyboard(keys, hasFocus, changed) {
   new KeyboardListener(keys, hasFocus, changed).start();
@@ -43,12 +43,12 @@ class KeyboardListener {
   }
 
   /** @param {Change | null} change */
-  #tell(change) {
+  #notify(change) {
     if (change) this.changed(change);
   }
 
   #doubtAll() {
-    this.#tell(this.keys.doubt([...this.keys.actionOf.keys()]));
+    this.#notify(this.keys.doubt([...this.keys.actionOf.keys()]));
   }
 
   /** @param {KeyboardEvent} event */
@@ -60,12 +60,12 @@ class KeyboardListener {
     event.preventDefault();
     if (event.repeat) {
       this.repeats.repeated(code);
-      this.#tell(this.keys.resume(code));
+      this.#notify(this.keys.resume(code));
       return;
     }
     if (isNameless(event)) this.nameless.add(code);
     this.keys.release(code); // already down: its key-up was lost
-    this.#tell(this.keys.press(code));
+    this.#notify(this.keys.press(code));
   }
 
   /** @param {KeyboardEvent} event */
@@ -74,14 +74,14 @@ class KeyboardListener {
     for (const code of isNameless(event) ? [...this.nameless] : [codeOf(event)]) {
       this.repeats.released(code);
       this.nameless.delete(code);
-      if (this.keys.knows(code)) this.#tell(this.keys.release(code));
+      if (this.keys.knows(code)) this.#notify(this.keys.release(code));
     }
   }
 
   #watch() {
     if (!this.hasFocus() || !document.hasFocus()) this.#doubtAll(); // a dialog, however it was opened
     if (!this.repeats.isSilent) return;
-    this.#tell(this.keys.doubt([this.repeats.code]));
+    this.#notify(this.keys.doubt([this.repeats.code]));
     this.repeats.pressed(this.repeats.code);
   }
 }

@@ -54,7 +54,7 @@ export class KeysDialog {
    * @param {HTMLDialogElement} dialog
    * @param {Catalogue} text
    * @param {KeyboardLayout} layout
-   * @param {(bindings: Bindings) => void} changed is told a new choice
+   * @param {(bindings: Bindings) => void} changed is called with a new choice
    */
   constructor(dialog, text, layout, changed) {
     this.dialog = dialog;

@@ -30,7 +30,7 @@ export class MarksHelp {
     this.text = text;
     this.canvas = find('canvas', HTMLCanvasElement, dialog);
     this.lead = find('#marks-help-lead', HTMLElement, dialog);
-    this.said = find('#marks-help-said', HTMLElement, dialog);
+    this.step = find('#marks-help-text', HTMLElement, dialog);
     this.playButton = find('#marks-help-play', HTMLButtonElement, dialog);
     this.renderer = new Renderer(this.canvas, new Sprites(sprites.folder), text('you_tag'));
     this.renderer.sprites.images = sprites.images; // loaded once for both boards
@@ -86,7 +86,7 @@ export class MarksHelp {
   #play(plays) {
     this.plays = plays;
     this.playButton.textContent = this.text(plays ? 'help.pause' : 'help.play');
-    this.said.setAttribute('aria-live', plays ? 'off' : 'polite');
+    this.step.setAttribute('aria-live', plays ? 'off' : 'polite');
     this.sinceMs = performance.now();
     requestAnimationFrame((now) => this.#frame(now));
   }
@@ -101,7 +101,7 @@ export class MarksHelp {
     const done = this.state?.current?.t ?? 0;
     this.sinceMs = performance.now();
     this.state = nextMoment(done >= LAST ? null : this.state, this.shown, 0);
-    this.said.textContent = this.#words(this.state.current?.t ?? 0);
+    this.step.textContent = this.#words(this.state.current?.t ?? 0);
     this.renderer.applyEvents(this.state, 0);
     this.#draw(this.sinceMs);
   }

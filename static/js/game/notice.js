@@ -2,12 +2,12 @@
 
 import { find } from '../browser/dom.js';
 
-const LEAST_MS = 10_000;
+const MIN_MS = 10_000;
 const LETTER_MS = 90; // a slow reader of an alphabet
 const CHARACTER_MS = 350; // and of Chinese, Japanese or Korean
 const AGAIN_MS = 3000;
 const MARGIN = 8;
-const LEAST_ROOM = 36; // pixels: a line of words and the button
+const MIN_ROOM = 36; // pixels: a line of words and the button
 
 /**
  * Return how long a text stays on screen.
@@ -15,7 +15,7 @@ const LEAST_ROOM = 36; // pixels: a line of words and the button
  */
 export function readingMs(words) {
   const wide = words.match(/[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af\uf900-\ufaff]/g)?.length ?? 0;
-  return Math.max(LEAST_MS, 5000 + wide * CHARACTER_MS + (words.length - wide) * LETTER_MS);
+  return Math.max(MIN_MS, 5000 + wide * CHARACTER_MS + (words.length - wide) * LETTER_MS);
 }
 
 export class ResearcherNotice {
@@ -66,7 +66,7 @@ export class ResearcherNotice {
     const board = this.stage.querySelector('canvas.board')?.getBoundingClientRect();
     if (this.box.hidden || !board) return;
     const { style } = this.box;
-    const isBeside = board.top - 2 * MARGIN < LEAST_ROOM;
+    const isBeside = board.top - 2 * MARGIN < MIN_ROOM;
     const room = Math.max(board.left, innerWidth - board.right) - 2 * MARGIN;
     this.box.classList.toggle('at-side', isBeside);
     this.box.classList.remove('tight');

@@ -33,9 +33,9 @@ export function showBowls(place, bowl, soups) {
 export function showCurve(place, rounds, text) {
   place.hidden = rounds.length < 2;
   if (place.hidden) return;
-  const said = rounds.map(({ number, score }) => text('over.curve.round', { number, score })).join(' ');
+  const label = rounds.map(({ number, score }) => text('over.curve.round', { number, score })).join(' ');
   const points = pointsOf(rounds);
-  const picture = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: 'img', 'aria-label': said }, [
+  const picture = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: 'img', 'aria-label': label }, [
     svg('path', { class: 'ground', d: `M0 ${HEIGHT - PAD.bottom} H${WIDTH}` }),
     svg('polyline', { points: points.map(({ x, y }) => `${x},${y}`).join(' ') }),
     ...points.flatMap(({ x, y, score, number }, k) => dotAndWords(x, y, score, number, k === points.length - 1)),

@@ -10,7 +10,7 @@ const TICK_MS = 8;
  * @param {HTMLElement} pad its buttons have data-action
  * @param {Keys} keys
  * @param {() => boolean} isPlaying
- * @param {(change: Change) => void} changed is told every change
+ * @param {(change: Change) => void} changed is called with every change
  */
 export function listenTouch(pad, keys, isPlaying, changed) {
   new TouchPad(keys, isPlaying, changed).start(pad);
@@ -52,7 +52,7 @@ class TouchPad {
   }
 
   /** @param {Change | null} change */
-  #tell(change) {
+  #notify(change) {
     if (change) this.changed(change);
   }
 
@@ -88,8 +88,8 @@ class TouchPad {
     if (!button || event.detail !== 0 || !this.isPlaying()) return;
     const action = Number(button.dataset.action);
     const isDown = this.keys.isDown(`touch-click-${action}`);
-    if (!isDown) this.#tell(this.keys.press(`touch-click-${action}`, action));
-    if (isDown || action !== MARKS) this.#tell(this.keys.release(`touch-click-${action}`));
+    if (!isDown) this.#notify(this.keys.press(`touch-click-${action}`, action));
+    if (isDown || action !== MARKS) this.#notify(this.keys.release(`touch-click-${action}`));
   }
 
   /**
@@ -100,7 +100,7 @@ class TouchPad {
     this.fingers.set(pointer, button);
     button.classList.add('down');
     navigator.vibrate?.(TICK_MS); // where there is a motor: a key that can be felt
-    this.#tell(this.keys.press(keyOf(pointer, button), Number(button.dataset.action)));
+    this.#notify(this.keys.press(keyOf(pointer, button), Number(button.dataset.action)));
   }
 
   /** @param {number} pointer */
@@ -109,7 +109,7 @@ class TouchPad {
     if (!button) return;
     this.fingers.delete(pointer);
     button.classList.remove('down');
-    this.#tell(this.keys.release(keyOf(pointer, button)));
+    this.#notify(this.keys.release(keyOf(pointer, button)));
   }
 
   /** @param {string} kind */

@@ -17,8 +17,8 @@ let records = [];
  * @param {boolean} isProblem
  */
 function say(words, isProblem = false) {
-  place('said').textContent = words;
-  place('said').className = isProblem ? 'flag bad' : '';
+  place('status').textContent = words;
+  place('status').className = isProblem ? 'flag bad' : '';
 }
 
 /** @param {File} file */

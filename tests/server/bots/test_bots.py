@@ -15,7 +15,7 @@ from sqlalchemy import Connection, delete, select, update
 
 import kitchenmind
 from server.bots.faults import GUARANTEES, Trial, table
-from server.bots.group import BotGroup, GroupOutcome, _arrival, judge, simulate
+from server.bots.group import BotGroup, GroupOutcome, _arrival, check_outcome, simulate
 from server.bots.invariants import Claim, broken_at_code
 from server.bots.local_server import QUICK, OwnServer
 from server.bots.participant import Bot
@@ -63,13 +63,13 @@ def all_bundled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnServer]
 
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.stem)
-def test_every_bundled_study_is_walked_to_its_end(study: Path, all_bundled: OwnServer) -> None:
+def test_every_bundled_study_can_be_completed(study: Path, all_bundled: OwnServer) -> None:
     plan = load_study(study).study
     # Two of a condition, where they play with each other.
     number = 2 * len(plan.conditions) if any(agent.human for agent in plan.agents) else 2
     with Database(all_bundled.database, read_only=True) as kept:
         bots = asyncio.run(simulate(BotGroup(number, plan.name, plan), all_bundled.url, kept))
-        outcome = judge(bots, kept)
+        outcome = check_outcome(bots, kept)
     assert outcome.violations == []
     assert (outcome.started, outcome.completed, outcome.dropped) == (number, number, 0)
     assert sum(outcome.by_condition.values()) == number
@@ -110,7 +110,7 @@ class Walked:
         with Database(f"sqlite:///{copy}") as database:
             for change in changes:
                 asyncio.run(database.write(changed, change))
-            return judge(self.bots, database).violations
+            return check_outcome(self.bots, database).violations
 
 
 def walk(folder: Path, seed: int = 3, dropout: float = 0.0) -> Walked:
@@ -148,11 +148,11 @@ def test_a_repeat_with_the_same_seed_makes_the_same_choices(walked: Walked, tmp_
     assert choices(again.bots) == choices(walked.bots)
 
 
-def test_kept_promises_are_no_violations(walked: Walked, tmp_path: Path) -> None:
+def test_a_kept_guarantee_is_not_a_violation(walked: Walked, tmp_path: Path) -> None:
     assert walked.tampered(tmp_path) == []
 
 
-def test_the_clock_of_a_simulated_browser_goes_as_the_game_s_however_fast_that_is(walked: Walked) -> None:
+def test_a_simulated_browser_uses_the_clock_of_its_game(walked: Walked) -> None:
     columns = select(ticks.c.timestep, ticks.c.key_client_ms_0, ticks.c.key_client_ms_1)
     with Database(f"sqlite:///{walked.path}", read_only=True) as database:
         rows = database.read_now(lambda connection: connection.execute(columns).all())
@@ -220,12 +220,12 @@ def test_a_code_before_everything_is_stored_is_found(walked: Walked, tmp_path: P
 
 
 def test_what_a_participant_sees_itself_is_found_without_a_database(walked: Walked) -> None:
-    kept = judge(walked.bots, None)
+    kept = check_outcome(walked.bots, None)
     assert kept.violations == []
     journal = walked.bots[2].journal
     journal.pages.append("everything")
     journal.violations.append("page everything came twice")
-    shown_otherwise = judge(walked.bots, None)
+    shown_otherwise = check_outcome(walked.bots, None)
     journal.violations.pop()
     assert shown_otherwise.violations == ["page everything came twice"]
 
@@ -240,7 +240,7 @@ def test_what_a_participant_sees_itself_is_found_without_a_database(walked: Walk
         (["3", "--database", "somewhere"], "sqlite:///"),
     ],
 )
-def test_wrong_input_is_told_with_its_remedy_and_exit_code_2(
+def test_wrong_input_is_reported_with_its_remedy_and_exit_code_2(
     words: list[str], remedy: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert kitchenmind.main(["bots", *words]) == 2
@@ -315,7 +315,7 @@ def test_guarantees_hold_while_the_server_is_killed_and_lines_are_lost() -> None
 
 
 @pytest.mark.parametrize("form", [[], ["--json"]], ids=["table", "json"])
-def test_a_violation_is_told_and_makes_the_exit_code_1(
+def test_a_violation_is_reported_and_makes_the_exit_code_1(
     form: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     broken = GroupOutcome(3, 2, 1, {"tom": 2}, 20, ["episode 1 lost timesteps [7]"])
@@ -336,7 +336,7 @@ def test_a_server_that_lets_nobody_in_is_a_violation_not_a_success() -> None:
             port = server.sockets[0].getsockname()[1]
             return await simulate(group, f"http://127.0.0.1:{port}", None)
 
-    outcome = judge(asyncio.run(nobody_answers()), None)
+    outcome = check_outcome(asyncio.run(nobody_answers()), None)
     assert (outcome.started, outcome.completed) == (0, 0)
     assert any("no way on" in violation for violation in outcome.violations)
 

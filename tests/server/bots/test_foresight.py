@@ -25,7 +25,7 @@ from overcooked.constants import (
 )
 from overcooked.layout import Layout, layout_names, load_layout, parse_layout
 from overcooked.state import Kitchens
-from server.bots.cook import COOKS, Cook, Traits, layouts_without_clone
+from server.bots.cook import COOKS, Cook, Traits, layouts_without_human_bc
 from server.bots.foresight import mind as mind_module
 from server.bots.foresight.beliefs import FRAMES
 from server.bots.foresight.cook import ForesightCook, cook
@@ -59,7 +59,7 @@ def moved(kitchens: Kitchens, first: int, second: int = STAY) -> NDArray[np.int6
 
 
 def played(layout: Layout, traits: Traits, timesteps: int = 120, arrows: tuple[int, ...] = ()) -> list[int]:
-    """The actions of one cook beside a chef who stands still."""
+    """The actions of one cook next to a chef who stands still."""
     kitchens, one, done = Kitchens.start(layout), cook(layout, 0, traits, 5), []
     actions = STILL
     for _ in range(timesteps):
@@ -182,7 +182,7 @@ def test_arrows_that_come_true_are_trusted_and_others_are_not() -> None:
 
 
 def walks_up(arrow: int) -> float:
-    """The probability of walking up into the corner (3, 1), towards the pots, while the partner beside it at (2, 1) is
+    """The probability of walking up into the corner (3, 1), towards the pots, while the partner next to it at (2, 1) is
     said to walk there (2, east) or away from it (3, west)."""
     kitchens = Kitchens.start(RING)
     kitchens.players[0, 0] = (3, 2, 0, ONION)
@@ -284,7 +284,7 @@ def test_many_at_once_act_as_each_alone() -> None:
         kitchens.step(actions, np.zeros((4, PLAYERS), np.int32))
 
 
-def test_the_mind_is_given_no_condition() -> None:
+def test_a_simulated_participant_does_not_know_its_condition() -> None:
     """The input of a participant is that of its page: state, actions, arrows."""
     assert [*inspect.signature(mind_module.think.py_func).parameters] == [
         "kitchen", "mind", "memory", "players", "contents", "now", "actions", "arrows", "out",
@@ -298,8 +298,8 @@ CLASSIC = ("cramped_room", "asymmetric_advantages", "coordination_ring", "forced
 @pytest.mark.parametrize("layout", CLASSIC)
 def test_a_behaviour_cloned_human_plays_like_recorded_people_in_each_classic_kitchen(layout: str) -> None:
     kitchen = load_layout(layout)
-    assert not layouts_without_clone([kitchen])
-    assert layouts_without_clone([parse_layout(load_layout("matrix").text, layout)]) == [layout], "another grid"
+    assert not layouts_without_human_bc([kitchen])
+    assert layouts_without_human_bc([parse_layout(load_layout("matrix").text, layout)]) == [layout], "another grid"
     acts = {name: played(kitchen, Traits.drawn(4, name), 40, ()) for name in ("clone", "planner")}
     assert acts["clone"] != acts["planner"]
 

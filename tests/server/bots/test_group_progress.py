@@ -15,7 +15,7 @@ from server.bots.group import BotGroup
 from server.commands.bots import _simulated
 
 
-class Terminal(io.StringIO):
+class FakeTerminal(io.StringIO):
     def isatty(self) -> bool:
         return True
 
@@ -39,7 +39,7 @@ async def walk_slowly(
     return []
 
 
-def said(monkeypatch: pytest.MonkeyPatch, out: io.StringIO) -> str:
+def printed(monkeypatch: pytest.MonkeyPatch, out: io.StringIO) -> str:
     monkeypatch.setattr(group_progress, "LINE_EVERY_S", 0.001)
     monkeypatch.setattr(group_progress, "TERMINAL_EVERY_S", 0.001)
     monkeypatch.setattr(group_module, "simulate", walk_slowly)
@@ -49,12 +49,12 @@ def said(monkeypatch: pytest.MonkeyPatch, out: io.StringIO) -> str:
 
 
 def test_a_log_gets_plain_lines_with_participants_games_and_problems(monkeypatch: pytest.MonkeyPatch) -> None:
-    lines = said(monkeypatch, io.StringIO()).split("\n")
+    lines = printed(monkeypatch, io.StringIO()).split("\n")
     assert set(lines) == {"1 of 2 participants finished, 4 games played, 1 problem", ""}
     assert len(lines) > 2
 
 
 def test_a_terminal_shows_the_progress_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = said(monkeypatch, Terminal())
+    shown = printed(monkeypatch, FakeTerminal())
     assert set(shown.rstrip("\n").split("\r")) == {"1 of 2 participants finished, 4 games played, 1 problem", ""}
     assert shown.count("\n") == 1

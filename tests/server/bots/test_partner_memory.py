@@ -54,7 +54,7 @@ def test_a_partner_that_was_never_seen_is_somewhere_out_of_view_with_empty_hands
 
 
 @pytest.mark.parametrize("kind", ["foresight", "credulous", "planner"])
-def test_what_happens_out_of_view_changes_no_action(kind: CookName) -> None:
+def test_events_out_of_view_change_no_action(kind: CookName) -> None:
     """Two kitchens that look alike in the view of two cells: the same person does the same in both."""
     done = []
     for partner_place, pots in ((FAR, ()), (FARTHER, ((6, 0, 3, 7),))):

@@ -20,7 +20,7 @@ CELLS = {
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-def test_bots_meet_every_combination_and_the_report_tells_the_effects(tmp_path: Path) -> None:
+def test_bots_meet_every_combination_and_the_report_has_the_effects(tmp_path: Path) -> None:
     database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"
     short = tmp_path / "two_factors.yaml"
     text = STUDY.read_text("utf-8").replace("flow: [introduction, tutorial,", "flow: [introduction,")

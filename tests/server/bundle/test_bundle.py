@@ -129,7 +129,7 @@ def test_the_allocation_list_is_what_participants_get(tmp_path: Path) -> None:
             arrival = progress.ConsentArrival(file.study.name, f"token {number}")
             participant = database.write_now(progress.enrol, studies, arrival)
             assert listed[number] == (participant.condition, participant.seed)
-            way = [step for step in studies.way(participant) if step.kind == "episode"]
+            way = [step for step in studies.steps_of(participant) if step.kind == "episode"]
             assert orders[number] == [(step.layout, step.agent, step.seed) for step in way]
             database.write_now(complete, participant.id, f"KM-{number:04d}")
 
@@ -186,7 +186,7 @@ def test_a_study_that_could_not_be_served_makes_no_bundle(tmp_path: Path, capsys
     assert not (tmp_path / "b.zip").exists()
 
 
-def test_an_agent_without_a_predictor_is_told_which_ones_it_may_name(
+def test_an_agent_without_a_predictor_gets_a_list_of_possible_ones(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "study.yaml"
@@ -209,10 +209,10 @@ def harmful(folder: Path, bundle: Path) -> Iterator[tuple[str, Path]]:
     outside = [("../outside.yaml", b"x"), ("/absolute.yaml", b"x"), ("a\\..\\b.yaml", b"x"), ("..", b"x")]
     for number, member in enumerate(outside):
         yield "It is not a bundle", zipped(folder / f"outside{number}.zip", [member])
-    yield "too large", zipped(folder / "bomb.zip", [("bomb.yaml", b"\0" * (archive.LARGEST_BYTES + 1))])
-    halves = [(f"half{n}.yaml", b"\0" * (archive.LARGEST_BYTES // 2 + 1)) for n in range(2)]
+    yield "too large", zipped(folder / "bomb.zip", [("bomb.yaml", b"\0" * (archive.MAX_BYTES + 1))])
+    halves = [(f"half{n}.yaml", b"\0" * (archive.MAX_BYTES // 2 + 1)) for n in range(2)]
     yield "too large", zipped(folder / "bombs.zip", halves)
-    many = [(f"f{n}.yaml", b"") for n in range(archive.MOST_FILES + 1)]
+    many = [(f"f{n}.yaml", b"") for n in range(archive.MAX_FILES + 1)]
     yield "too many files", zipped(folder / "many.zip", many)
     with pytest.warns(UserWarning, match="Duplicate"):
         twice = zipped(folder / "twice.zip", [("study.yaml", b"a"), ("study.yaml", b"b")])
@@ -223,7 +223,7 @@ def harmful(folder: Path, bundle: Path) -> Iterator[tuple[str, Path]]:
     yield "cannot be read", folder / "text.zip"
     (folder / "torn.zip").write_bytes(good[: len(good) // 2])
     yield "cannot be read", folder / "torn.zip"
-    (folder / "huge.zip").write_bytes(b"\0" * (archive.LARGEST_BYTES + 1))
+    (folder / "huge.zip").write_bytes(b"\0" * (archive.MAX_BYTES + 1))
     yield "too large", folder / "huge.zip"
 
 
@@ -277,7 +277,7 @@ def test_a_bundle_is_served_alone(bundle: Path, tmp_path: Path, capsys: pytest.C
         server.wait(30)
 
 
-def test_the_command_says_why_a_bundle_is_not_served(
+def test_the_command_gives_the_reason_why_a_bundle_is_not_served(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = rewritten(bundle, tmp_path / "other.zip", {"code": {}, "code_version": "9.9"})

@@ -167,7 +167,7 @@ async def test_games_continue_without_redis_and_the_dashboard_recovers_with_it(
     await until(lambda: peers(there))
 
 
-async def test_figures_of_all_processes_are_told_by_each(pair: Pair, bot: Bot) -> None:
+async def test_every_process_reports_the_figures_of_all(pair: Pair, bot: Bot) -> None:
     def games() -> dict[str, float]:
         text = httpx.get(f"{pair[1].url}/metrics").text
         lines = [line.split() for line in text.splitlines() if line.startswith("kitchenmind_games{")]
@@ -177,7 +177,7 @@ async def test_figures_of_all_processes_are_told_by_each(pair: Pair, bot: Bot) -
     assert len(found) == 2
 
 
-async def test_the_dashboard_of_each_process_says_which_of_them_is_late(pair: Pair, bot: Bot) -> None:
+async def test_the_dashboard_of_each_process_names_the_late_one(pair: Pair, bot: Bot) -> None:
     here, there = pair
     game = running(here)
     assert game is not None
@@ -229,7 +229,7 @@ async def test_the_dashboard_of_each_process_shows_the_alerts_of_all(pair: Pair)
     assert len(told) == 1, "one process tells of it, not every one"
 
 
-async def test_timesteps_without_the_promised_display_are_shown_wherever_the_game_runs(pair: Pair, bot: Bot) -> None:
+async def test_timesteps_without_the_required_display_are_shown_wherever_the_game_runs(pair: Pair, bot: Bot) -> None:
     here, there = pair
     game = running(here)
     assert game is not None
@@ -335,7 +335,7 @@ async def test_a_draft_that_is_opened_in_one_process_is_served_changed_and_close
         return researcher.post(f"{draft}/{what}", data=form).text
 
     assert opened(there, "drafted") is None
-    assert "The study is open: participants are let in." in click("open", revision="1")
+    assert "The study is open: participants can join." in click("open", revision="1")
     await until(lambda: opened(there, "drafted") is not None)
     assert opened(there, "drafted") == opened(here, "drafted")
     early = Bot(there.url, "drafted", 1)
@@ -372,7 +372,7 @@ class Nobody:
         raise AssertionError(command)
 
 
-async def test_a_process_leaves_the_others_in_whatever_moment_it_is_told_to(redis: RedisServer) -> None:
+async def test_a_process_can_leave_the_others_at_any_moment(redis: RedisServer) -> None:
     """Redis' client loses a cancellation that arrives just after a command was sent."""
     for moment in range(60):
         cluster = Cluster(redis.url, "postgresql://somewhere")

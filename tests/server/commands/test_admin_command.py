@@ -21,7 +21,7 @@ from server.store.database import Database
 from server.store.migrate import migrate
 
 
-class Terminal:
+class PseudoTerminal:
     """A command that runs in a pseudo-terminal."""
 
     def __init__(self, *words: str) -> None:
@@ -63,8 +63,8 @@ def url(tmp_path: Path) -> str:
 
 
 @contextmanager
-def asked(url: str, *words: str) -> Iterator[Terminal]:
-    terminal = Terminal("admin", "--database", url, *words)
+def asked(url: str, *words: str) -> Iterator[PseudoTerminal]:
+    terminal = PseudoTerminal("admin", "--database", url, *words)
     terminal.until("Password")
     yield terminal
 

@@ -197,7 +197,7 @@ def test_answers_keep_what_they_were(filled: Database, exported: Exported) -> No
     assert filled.read_now(lambda c: c.execute(select(answer_table)).all())
 
 
-def test_exclusions_stand_at_what_they_are_about_until_they_are_taken_back(
+def test_exclusions_are_shown_with_their_episode_or_participant_until_undone(
     filled: Database, exported: Exported
 ) -> None:
     first, second = filled.read_now(participants.of_study, 1)[:2]

@@ -17,6 +17,6 @@ print(os.sched_getscheduler(0), os.nice(0))
 
 
 @pytest.mark.skipif(not hasattr(os, "SCHED_IDLE"), reason="only Linux has this scheduler")
-def test_the_process_runs_only_when_nothing_else_wants_to() -> None:
+def test_the_process_runs_at_the_lowest_priority() -> None:
     said = subprocess.run([sys.executable, "-c", _SAY], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert said.split() == [str(os.SCHED_IDLE), "19"]

@@ -12,7 +12,7 @@ from sqlalchemy import select
 
 import kitchenmind
 from analysis import cards, data_quality, measures
-from analysis.episode_quality import judge
+from analysis.episode_quality import episode_proposals
 from analysis.report import write_report
 from analysis.study import Options
 from analysis.table_files import COLUMNS, OPTIONAL, table_file
@@ -58,9 +58,7 @@ def test_the_analysis_reads_only_columns_of_the_codebook() -> None:
         assert set(columns) <= tables[table]
 
 
-def test_a_csv_file_says_the_same_when_a_column_has_no_values_or_there_are_no_rows(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_a_csv_file_has_the_same_columns_without_values_or_rows(folder: Path, tmp_path: Path) -> None:
     """As `watched_seat` of pairs of people: read from its values alone, an empty column is text."""
     if (folder / "parquet").exists():
         pytest.skip("Parquet files have their types")
@@ -139,12 +137,12 @@ def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(
     assert third.mean() == pytest.approx(hits.filter(step=3)["hit"].mean())
 
 
-def test_the_dashboard_says_of_each_episode_what_the_report_says(folder: Path, database: Database) -> None:
+def test_the_dashboard_and_the_report_propose_the_same_for_each_episode(folder: Path, database: Database) -> None:
     report = data_quality.proposals(measures.episode_measures(read_export(folder)), read_export(folder).answers)
     wanted = {row["episode"]: (row["proposal"], row["rules"] or "") for row in report.to_dicts()}
     found = {}
-    for episode in wanted:  # one at a time, as the dashboard judges them
-        found |= judge(database.read_now(quality_inputs.tables, [episode]))
+    for episode in wanted:  # one at a time, as the dashboard checks them
+        found |= episode_proposals(database.read_now(quality_inputs.tables, [episode]))
     assert found == wanted
     assert len(wanted) == 2 * PEOPLE
 

@@ -127,7 +127,7 @@ def test_import_into_a_database_that_has_something_is_refused(
     assert "is not empty" in capsys.readouterr().err
 
 
-def test_folder_that_is_no_export_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folder_that_is_not_an_export_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert kitchenmind.main(["import", str(tmp_path), "--database", f"sqlite:///{tmp_path}/new.db"]) == 2
     assert "codebook.json" in capsys.readouterr().err
 
@@ -135,7 +135,7 @@ def test_folder_that_is_no_export_is_refused(tmp_path: Path, capsys: pytest.Capt
 def test_damaged_export_leaves_the_database_empty(
     export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (export / "parquet" / "answers.parquet").write_bytes(b"PAR1 this is no table PAR1")
+    (export / "parquet" / "answers.parquet").write_bytes(b"PAR1 not a table PAR1")
     again = f"sqlite:///{tmp_path}/again.db"
     assert kitchenmind.main(["import", str(export), "--database", again]) == 2
     assert capsys.readouterr().err.startswith("kitchenmind import: ")

@@ -42,7 +42,7 @@ def tick(timestep: int, displayed: tuple[tuple[int, int], ...], action: int | No
 def test_responses_are_counted_before_and_after_the_first_wrong_mark() -> None:
     records = [
         tick(0, AHEAD, None, None),
-        tick(1, AHEAD, STAY, False),  # waited beside (3, 1)
+        tick(1, AHEAD, STAY, False),  # waited next to (3, 1)
         tick(2, AHEAD, WEST, True),  # avoided: walked away to (1, 1)
         tick(3, NOTHING, EAST, True),  # back to (2, 1), too far from (3, 1) before it
         tick(4, AHEAD, EAST, True),  # nothing was shown

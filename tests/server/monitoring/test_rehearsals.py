@@ -51,7 +51,7 @@ def test_the_outcome_of_the_command_is_kept_and_noted(monkeypatch: pytest.Monkey
     assert noted == [found]
 
 
-def test_a_command_that_fails_is_told_with_its_words(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_failing_command_is_reported_with_its_output(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     program(monkeypatch, tmp_path, "print('there is no agent', file=sys.stderr)\nsys.exit(2)")
     found, _ = rehearsed()
     assert (found.outcome, found.failure) == ({}, "there is no agent")

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from server.monitoring.webhook import MOST_WAITING, Webhook
+from server.monitoring.webhook import MAX_WAITING, Webhook
 from server.settings import Settings
 
 QUICK = (0.01, 0.01, 0.01)
 
 
-class Chat:
+class WebhookHandler:
     """Answers with the statuses in `answers`, then with 200; keeps what was posted."""
 
     def __init__(self) -> None:
@@ -44,14 +44,14 @@ class Chat:
 
 
 @pytest.fixture
-def chat() -> Iterator[Chat]:
-    running = Chat()
+def chat() -> Iterator[WebhookHandler]:
+    running = WebhookHandler()
     yield running
     running.server.shutdown()
     running.server.server_close()
 
 
-async def delivered(chat: Chat, messages: list[dict[str, str]], wanted: int, address: str = "") -> None:
+async def delivered(chat: WebhookHandler, messages: list[dict[str, str]], wanted: int, address: str = "") -> None:
     """Send, and wait until so many posts have arrived."""
     hook = Webhook(address or chat.address, QUICK)
     task = asyncio.create_task(hook.run())
@@ -65,7 +65,7 @@ async def delivered(chat: Chat, messages: list[dict[str, str]], wanted: int, add
     await asyncio.gather(task, return_exceptions=True)
 
 
-def test_alerts_arrive_as_json_in_order(chat: Chat) -> None:
+def test_alerts_arrive_as_json_in_order(chat: WebhookHandler) -> None:
     asyncio.run(delivered(chat, [{"text": "one"}, {"text": "two"}], 2))
     assert chat.posted == [
         ("/hooks/not-for-everybody", "application/json", {"text": "one"}),
@@ -73,28 +73,28 @@ def test_alerts_arrive_as_json_in_order(chat: Chat) -> None:
     ]
 
 
-def test_an_alert_is_tried_again_while_the_chat_is_ill(chat: Chat) -> None:
+def test_an_alert_is_retried_while_the_webhook_fails(chat: WebhookHandler) -> None:
     chat.answers = [503, 429]
     asyncio.run(delivered(chat, [{"text": "again"}], 3))
     assert [body for _, _, body in chat.posted] == [{"text": "again"}] * 3
 
 
-def test_an_alert_that_is_refused_is_not_tried_again(chat: Chat) -> None:
+def test_an_alert_that_is_refused_is_not_tried_again(chat: WebhookHandler) -> None:
     chat.answers = [404]
     asyncio.run(delivered(chat, [{"text": "wrong address"}, {"text": "next"}], 2))
     assert [body["text"] for _, _, body in chat.posted] == ["wrong address", "next"]
 
 
-def test_sending_an_alert_never_waits_and_the_queue_is_bounded(chat: Chat) -> None:
+def test_sending_an_alert_never_waits_and_the_queue_is_bounded(chat: WebhookHandler) -> None:
     async def flood() -> None:
         hook = Webhook(chat.address, QUICK)
         task = asyncio.create_task(hook.run())
         hook.send({"text": "first"})
         await asyncio.sleep(0.1)  # it hangs at the chat
-        for number in range(3 * MOST_WAITING):
+        for number in range(3 * MAX_WAITING):
             hook.send({"text": str(number)})
-        assert len(hook._waiting) == MOST_WAITING
-        assert hook._waiting[-1] == {"text": str(3 * MOST_WAITING - 1)}, "the newest are kept"
+        assert len(hook._waiting) == MAX_WAITING
+        assert hook._waiting[-1] == {"text": str(3 * MAX_WAITING - 1)}, "the newest are kept"
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
 
@@ -102,7 +102,7 @@ def test_sending_an_alert_never_waits_and_the_queue_is_bounded(chat: Chat) -> No
     asyncio.run(flood())
 
 
-def test_the_address_is_in_no_log(chat: Chat, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_address_is_in_no_log(chat: WebhookHandler, caplog: pytest.LogCaptureFixture) -> None:
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
     chat.answers = [500] * 4

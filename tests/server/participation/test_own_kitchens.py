@@ -60,7 +60,7 @@ def test_an_alias_gets_its_grid_once() -> None:
     assert parse_study(with_grids(text, {"nook": GRID})).study.tutorial.layout.grid == GRID
 
 
-def test_an_unknown_kitchen_is_told_at_its_line(tmp_path: Path) -> None:
+def test_an_unknown_kitchen_is_reported_at_its_line(tmp_path: Path) -> None:
     path = tmp_path / "small.yaml"
     path.write_text(BLOCK, encoding="utf-8")
     file = load_with_kitchens(path, dict)
@@ -92,7 +92,7 @@ def test_commands_find_the_kitchens_of_the_dashboard_in_the_database(
     assert bots._with_kitchens(path, tmp_path / "own", None) == (path, {})
 
 
-def test_models_are_found_by_the_grid_and_told_by_the_name_that_has_them() -> None:
+def test_models_are_found_by_the_grid_and_named_as_in_their_folder() -> None:
     ring = load_layout("coordination_ring")
     found = trained_models(ring)
     assert found.layout == "coordination_ring"

@@ -75,7 +75,9 @@ def test_a_trained_agent_and_its_predictor_are_found_by_name(trained: Path) -> N
         ),
     ],
 )
-def test_what_cannot_be_used_is_said_with_its_place(trained: Path, change: Callable[[str], str], said: str) -> None:
+def test_unusable_settings_are_reported_with_their_place(
+    trained: Path, change: Callable[[str], str], said: str
+) -> None:
     file = with_own_models(parse_study(change(MINE)), trained)
     found = reasons(file)
     assert any(said in line and line.startswith("study.yaml:") for line in found), found
@@ -160,7 +162,7 @@ def test_a_damaged_copy_is_made_again_and_a_good_one_of_another_process_stays(
     assert [path.name for path in target.parent.iterdir()] == [wanted]
 
 
-def test_a_version_whose_models_are_gone_says_which_it_needs(trained: Path) -> None:
+def test_a_version_with_missing_models_names_them(trained: Path) -> None:
     opened = with_own_models(parse_study(MINE), trained)
     shutil.rmtree(trained / "nook" / "mine")
     (line,) = reasons(opened)

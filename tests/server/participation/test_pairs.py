@@ -42,7 +42,7 @@ decoder = msgspec.json.Decoder(messages.Outgoing)
 Pair = tuple[Bot, ...]
 
 
-class Person:
+class PairedPerson:
     """Somebody at the page of a game, message by message."""
 
     def __init__(self, bot: Bot, socket: ClientConnection, tab: str) -> None:
@@ -54,7 +54,7 @@ class Person:
         await self.socket.send(msgspec.json.encode(message).decode())
 
     async def hear(self, *kinds: type) -> Any:
-        """The next message of one of these kinds; everything on the way is taken in."""
+        """The next message of one of these kinds; earlier messages are kept."""
         async with asyncio.timeout(20):
             while True:
                 message = decoder.decode(await self.socket.recv())
@@ -80,7 +80,7 @@ async def at_the_game(bot: Bot, tab: str = "tab-of-this-person") -> Any:
     game = bot.game()
     origin = Origin("http" + game.url.removeprefix("ws").split("/s/")[0])
     async with connect(game.url, additional_headers={"Cookie": game.cookie}, origin=origin) as socket:
-        person = Person(bot, socket, tab)
+        person = PairedPerson(bot, socket, tab)
         await person.say(messages.Hello(messages.PROTOCOL, tab))
         yield person
 
@@ -94,7 +94,7 @@ async def somebody(server: OwnServer, seed: int, study: str = "pairs") -> Bot:
     return bot
 
 
-async def together(server: OwnServer, do: Callable[[Person, Person], Awaitable[None]]) -> Pair:
+async def together(server: OwnServer, do: Callable[[PairedPerson, PairedPerson], Awaitable[None]]) -> Pair:
     """Two people who have been brought together, connected, before anybody has pressed start."""
     first, second = await somebody(server, 1), await somebody(server, 2)
     async with at_the_game(first) as one:
@@ -150,14 +150,14 @@ def stored(server: OwnServer, bots: Sequence[Bot]) -> Kept:
         return database.read_now(read)
 
 
-async def start(one: Person, two: Person) -> None:
+async def start(one: PairedPerson, two: PairedPerson) -> None:
     await one.say(messages.Ready())
     await two.say(messages.Ready())
     await one.hear(messages.Countdown)
 
 
 def test_two_play_one_game_each_as_their_own_chef_and_only_the_watcher_sees_marks(server: OwnServer) -> None:
-    async def play(one: Person, two: Person) -> None:
+    async def play(one: PairedPerson, two: PairedPerson) -> None:
         assert one.welcome is not None
         assert two.welcome is not None
         assert one.welcome.episode == two.welcome.episode
@@ -186,7 +186,7 @@ def test_two_play_one_game_each_as_their_own_chef_and_only_the_watcher_sees_mark
 
 
 def test_reload_of_one_pauses_both_and_both_resume_at_the_same_timestep(server: OwnServer) -> None:
-    async def play(one: Person, two: Person) -> None:
+    async def play(one: PairedPerson, two: PairedPerson) -> None:
         await start(one, two)
         while (await two.hear(messages.Tick)).state.t < 10:
             pass
@@ -207,7 +207,7 @@ def test_reload_of_one_pauses_both_and_both_resume_at_the_same_timestep(server: 
 
 
 def test_a_participant_whose_partner_leaves_is_told_and_continues_with_an_agent(server: OwnServer) -> None:
-    async def play(one: Person, two: Person) -> None:
+    async def play(one: PairedPerson, two: PairedPerson) -> None:
         await start(one, two)
         while (await two.hear(messages.Tick)).state.t < 10:
             pass
@@ -230,7 +230,7 @@ def test_a_participant_whose_partner_leaves_is_told_and_continues_with_an_agent(
 
 
 def test_the_wait_for_a_participant_who_does_not_press_start_is_limited(server: OwnServer) -> None:
-    async def play(one: Person, _: Person) -> None:
+    async def play(one: PairedPerson, _: PairedPerson) -> None:
         await one.say(messages.Ready())
         assert (await one.hear(messages.Paused)).reason == "partner"
         assert not (await one.hear(messages.Ended)).passed
@@ -268,7 +268,7 @@ def test_without_a_partner_a_participant_is_paid_if_the_study_says_so(server: Ow
     assert (person.status, person.completion_code) == ("returned", bots[0].journal.code)
 
 
-def test_the_newest_tab_waits_and_the_older_one_is_told(server: OwnServer) -> None:
+def test_the_newest_tab_waits_and_the_older_one_gets_a_message(server: OwnServer) -> None:
     async def wait() -> None:
         bot = await somebody(server, 1)
         async with at_the_game(bot, "an-older-tab") as old:

@@ -45,7 +45,7 @@ def test_bots_take_neither_the_places_nor_the_turns_of_people(database: Database
     for one, other in zip(bots, people, strict=True):
         assert (one.condition, one.seed) == (other.condition, other.seed)
         assert one.allocation_number == other.allocation_number
-        assert [step.seed for step in studies.way(one)] == [step.seed for step in studies.way(other)]
+        assert [step.seed for step in studies.steps_of(one)] == [step.seed for step in studies.steps_of(other)]
     assert [one.number for one in (*bots, *people)] == [1, 2, 3, 4], "names of participants are never given twice"
     with pytest.raises(StudyFullError):
         arrive(database, studies, simulated=False)
@@ -60,7 +60,7 @@ def test_a_bot_that_withdraws_is_not_counted_as_a_person_who_did(database: Datab
     assert database.read_now(participants.counts, bot.study_id, True) == {bot.condition: {"withdrawn": 1}}
 
 
-def test_the_dashboard_counts_people_and_says_how_many_bots_there_are(database: Database, studies: Studies) -> None:
+def test_the_dashboard_counts_people_and_bots_separately(database: Database, studies: Studies) -> None:
     study_ids, study = opened(studies)
     names = {"with": "with", "without": "without"}
     bots = [arrive(database, studies, simulated=True) for _ in range(2)]

@@ -18,7 +18,7 @@ from server.participation.study_versions import StudyVersions
 from server.settings import Settings
 from server.store import audit
 from server.study.loader import StudyError, load_study
-from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.page_site import SMALL_STUDY, PageSite, Visitor
 from tests.support.researcher_site import signed_in
 from tests.support.researcher_site import site as admin_site
 
@@ -52,7 +52,7 @@ def models() -> AddedModels:
 
 
 @pytest.fixture
-def versions(site: Site, file: Path, models: AddedModels) -> StudyVersions:
+def versions(site: PageSite, file: Path, models: AddedModels) -> StudyVersions:
     settings = Settings(database=f"sqlite:///{file.parent}/site.db")
     made = StudyVersions(settings, [load_study(file)], models, site.studies)  # type: ignore[arg-type]
     site.use(replace(site.services, versions=made))
@@ -67,8 +67,8 @@ def change(file: Path, old: str, new: str) -> None:
     os.utime(file, ns=(later, later))
 
 
-def test_a_changed_file_is_told_with_what_is_wrong_in_it_until_it_is_as_served(
-    versions: StudyVersions, file: Path, site: Site, tmp_path: Path
+def test_a_changed_file_is_reported_with_its_problems_until_it_is_as_served(
+    versions: StudyVersions, file: Path, site: PageSite, tmp_path: Path
 ) -> None:
     told: list[str] = []
     alerts = Alerts(
@@ -99,7 +99,7 @@ def test_a_changed_file_is_told_with_what_is_wrong_in_it_until_it_is_as_served(
 
 
 def test_the_dashboard_offers_the_new_version_and_serves_it_to_those_who_come_then(
-    site: Site, versions: StudyVersions, file: Path, models: AddedModels
+    site: PageSite, versions: StudyVersions, file: Path, models: AddedModels
 ) -> None:
     Visitor(site).consent("small")
     (early,) = site.everybody("small")
@@ -123,12 +123,12 @@ def test_the_dashboard_offers_the_new_version_and_serves_it_to_those_who_come_th
     assert (entries[-1].action, entries[-1].detail["reason"]) == ("serve new version", "another agent")
 
 
-def test_the_list_of_studies_shows_their_names(site: Site) -> None:
+def test_the_list_of_studies_shows_their_names(site: PageSite) -> None:
     assert re.search(r"<code[^>]*>small</code>", signed_in(site, "watch").get("/admin").text)
 
 
 def test_a_version_whose_models_do_not_load_changes_nothing(
-    site: Site, versions: StudyVersions, file: Path, models: AddedModels
+    site: PageSite, versions: StudyVersions, file: Path, models: AddedModels
 ) -> None:
     before = site.studies.open("small")
     change(file, *OTHER_AGENT)
@@ -143,7 +143,7 @@ def test_a_version_whose_models_do_not_load_changes_nothing(
 
 
 def test_models_of_an_earlier_version_are_loaded_for_those_who_are_still_in_it(
-    site: Site, file: Path, models: AddedModels
+    site: PageSite, file: Path, models: AddedModels
 ) -> None:
     Visitor(site).consent("small")
     change(file, *OTHER_AGENT)
@@ -155,7 +155,7 @@ def test_models_of_an_earlier_version_are_loaded_for_those_who_are_still_in_it(
 
 
 def test_a_process_that_is_started_again_serves_what_the_others_serve(
-    site: Site, file: Path, models: AddedModels
+    site: PageSite, file: Path, models: AddedModels
 ) -> None:
     at_the_start = site.studies.open("small")
     served = ServedVersion("small", load_study(file).sha256, 0.0)

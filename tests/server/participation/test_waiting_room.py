@@ -15,7 +15,7 @@ from server.store.database import DatabaseDown
 ROOM = (1, "tom", "episode-1", False)
 
 
-class Tab:
+class WaitingTab:
     """A socket that keeps what it is told."""
 
     tab, is_new_page, next_url = "tab", True, "/s/pairs/now"
@@ -74,8 +74,8 @@ async def until(condition: Callable[[], bool]) -> None:
             await asyncio.sleep(0.01)
 
 
-def come(room: WaitingRoom, *people: str, limit_s: float = 600.0) -> list[Tab]:
-    tabs = [Tab() for _ in people]
+def come(room: WaitingRoom, *people: str, limit_s: float = 600.0) -> list[WaitingTab]:
+    tabs = [WaitingTab() for _ in people]
     for person, tab in zip(people, tabs, strict=True):
         room.enter(person, request(limit_s), tab)
     return tabs
@@ -87,10 +87,10 @@ async def test_a_pairing_request_from_before_the_seat_was_stored_is_dismissed_at
     asked_before = request()
     tabs = come(room, "ann", "bob")
     await until(lambda: all(tab.closed for tab in tabs))
-    late = Tab()  # another socket of hers: what it knows is older than the seat
+    late = WaitingTab()  # another socket of hers: what it knows is older than the seat
     room.enter("ann", asked_before, late)
     assert late.closed == CloseCode.GAME_READY
-    again = Tab()  # and who has no game after all waits, without an endless circle
+    again = WaitingTab()  # and who has no game after all waits, without an endless circle
     room.enter("ann", request(), again)
     assert again.closed is None
     assert seats.pairs == [("ann", "bob")]
@@ -132,7 +132,7 @@ async def test_a_participant_who_left_the_waiting_room_early_is_not_seated_alone
 ) -> None:
     first, second = come(room, "ann", limit_s=0.0) + come(room, "bob", limit_s=0.0)
     room.leave("bob", second)
-    second = Tab()
+    second = WaitingTab()
     room.enter("bob", PairingRequest((1, "none", "episode-1", False), datetime.now(UTC), 0.0), second)
     seats.before.append(lambda: room.leave("bob", second))
     await until(lambda: first.closed is not None and len(room) == 0)

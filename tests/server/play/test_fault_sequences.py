@@ -62,7 +62,7 @@ async def settle() -> None:
         await asyncio.sleep(0)
 
 
-class Tab(QuietConnection):
+class FaultyTab(QuietConnection):
     """A browser tab that keeps what it saw."""
 
     game: Game | None = None
@@ -74,7 +74,7 @@ class Faults(RuleBasedStateMachine):
         self.runner = asyncio.Runner()
         self.clock, self.recorder, self.models = HandClock(), MemoryRecorder(), RuleModels()
         self.spec = make_spec(horizon=HORIZON, pause=PauseLimits(30.0, 60.0))
-        self.tabs: list[Tab] = []
+        self.tabs: list[FaultyTab] = []
         self.seq = 0
         self.seen: dict[int, str] = {}
 
@@ -93,14 +93,14 @@ class Faults(RuleBasedStateMachine):
         return record
 
     @property
-    def tab(self) -> Tab | None:
+    def tab(self) -> FaultyTab | None:
         return next((tab for tab in reversed(self.tabs) if tab.closed is None), None)
 
     @rule(new=st.booleans())
     def open_tab(self, new: bool) -> None:
         async def join() -> None:
             name = f"tab-{len(self.tabs):05d}" if new or not self.tabs else self.tabs[-1].tab
-            tab = Tab(name)
+            tab = FaultyTab(name)
             self.tabs.append(tab)
             try:
                 tab.game = await self.games.join("e1", 0, tab)

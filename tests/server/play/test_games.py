@@ -24,7 +24,7 @@ async def test_episode_is_played_to_its_end_and_only_then_the_page_advances(runn
     assert len(running.games) == 0
 
 
-async def test_page_hears_welcome_countdown_then_every_state_in_order(running: RunningGames) -> None:
+async def test_page_receives_welcome_countdown_then_every_state_in_order(running: RunningGames) -> None:
     connection = await running.play()
     await until(lambda: connection.closed)
     kinds = [type(message) for message in connection.sent]
@@ -59,7 +59,7 @@ async def test_machine_that_stood_still_at_the_start_stores_the_start_state_firs
     assert list(running.recorder.ticks_of["e1"]) == list(range(running.ticks()))
 
 
-async def test_page_that_changes_its_mind_at_once_starts_one_game(running: RunningGames) -> None:
+async def test_a_quick_second_choice_starts_one_game(running: RunningGames) -> None:
     connection = QuietConnection()
     game = await running.games.join("e1", 0, connection)
     for message in (m.Ready(), m.Away("blur"), m.Ready()):  # in one packet: nothing else runs in between
@@ -114,7 +114,7 @@ async def test_blur_stops_at_once_and_coming_back_counts_down_to_the_same_timest
     assert len(running.recorder.pauses) == 1
 
 
-async def test_newest_tab_plays_and_the_old_one_is_told_and_changes_nothing(running: RunningGames) -> None:
+async def test_newest_tab_plays_and_the_old_one_gets_a_message_and_changes_nothing(running: RunningGames) -> None:
     running.specs["e1"] = make_spec(horizon=200)  # long enough for a busy machine
     old = await running.play(tab="tab-old-1")
     game = running.games.get("e1")
@@ -168,7 +168,7 @@ async def test_a_too_long_absence_forfeits_the_episode(running: RunningGames) ->
     assert connection.of(m.Ended)
 
 
-async def test_the_end_says_why(running: RunningGames) -> None:
+async def test_the_last_page_gives_the_reason(running: RunningGames) -> None:
     connection = await running.play()
     await until(lambda: connection.closed)
     (ended,) = connection.of(m.Ended)

@@ -87,7 +87,7 @@ async def test_nobody_loses_a_game_because_they_could_not_come_back_while_the_da
     await asyncio.sleep(0.8)  # longer than an absence may last, on this clock
     running.recorder.down = False
     await until(lambda: not game.busy)
-    await asyncio.sleep(0.3)  # so long that absences were looked at
+    await asyncio.sleep(0.3)  # until absences were looked at
     back = await running.play(tab="tab-0002")
     await until(lambda: back.closed)
     assert running.recorder.results["e1"].status == "done"
@@ -123,7 +123,7 @@ async def test_an_unavailable_database_at_the_end_delays_the_end(running: Runnin
     assert connection.of(m.Ended)
 
 
-async def test_last_timestep_that_could_not_be_stored_at_once_is_not_shown_while_the_game_is_said_to_stand(
+async def test_a_last_timestep_that_is_not_stored_yet_is_not_shown_while_the_game_is_paused(
     running: RunningGames,
 ) -> None:
     running.specs["e1"] = make_spec(horizon=5)

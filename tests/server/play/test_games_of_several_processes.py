@@ -10,7 +10,7 @@ from tests.support.live_fakes import QuietConnection
 from tests.support.running_games import RunningGames, until
 
 
-class Owners:
+class FakeOwners:
     """Says at a moment of the test's choice that a game is still this process's."""
 
     def __init__(self) -> None:
@@ -24,14 +24,14 @@ class Owners:
 
 
 @pytest.fixture
-def owners(running: RunningGames) -> Owners:
-    made = Owners()
+def owners(running: RunningGames) -> FakeOwners:
+    made = FakeOwners()
     running.games = Games(running.games.clock, running.models, running.recorder, running.load, owners=made)
     return made
 
 
 async def test_a_game_that_goes_while_its_owner_is_asked_for_is_taken_up_again(
-    running: RunningGames, owners: Owners
+    running: RunningGames, owners: FakeOwners
 ) -> None:
     old = await running.games.join("e1", 0, QuietConnection())
     joining = asyncio.create_task(running.games.join("e1", 0, QuietConnection()))
@@ -44,7 +44,7 @@ async def test_a_game_that_goes_while_its_owner_is_asked_for_is_taken_up_again(
 
 
 async def test_the_late_end_of_a_game_that_was_lost_leaves_the_one_that_is_played_now(
-    running: RunningGames, owners: Owners, monkeypatch: pytest.MonkeyPatch
+    running: RunningGames, owners: FakeOwners, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     owners.may_answer.set()
     ends, may_end = [], asyncio.Event()

@@ -33,7 +33,7 @@ async def test_restart_continues_after_the_last_stored_tick(running: RunningGame
 
 
 def taken_up_later(running: RunningGames, gap_s: float) -> None:
-    """A new process takes the episodes up so long after the last stored state, without a word from the one before."""
+    """A new process takes the episodes up this long after the last stored state; the old one ended without notice."""
     running.games = Games(Clock(1.0), running.models, running.recorder, running.load)
     known = datetime.now(UTC) - timedelta(seconds=gap_s)
     load = running.load
@@ -93,7 +93,7 @@ async def test_a_wall_clock_that_was_set_back_makes_no_pause_of_less_than_nothin
     assert 0 <= pause.duration_ms < 10_000
 
 
-async def test_finished_or_unknown_episode_is_no_game(running: RunningGames) -> None:
+async def test_finished_or_unknown_episode_is_not_a_game(running: RunningGames) -> None:
     connection = await running.play()
     await until(lambda: connection.closed)
     with pytest.raises(NoGame):

@@ -18,7 +18,7 @@ def outcomes(records: Sequence[InputRecord]) -> list[tuple[int, int | None, str]
     return [(record.seq, record.timestep, record.outcome) for record in records]
 
 
-def test_a_tick_tells_of_every_input_that_came_before_it() -> None:
+def test_a_tick_has_every_input_that_came_before_it() -> None:
     session, _ = start()
     press(session, 0, None, NORTH)
     press(session, 1, None, EAST)  # a later tap to move takes the place of the first
@@ -37,7 +37,7 @@ def test_a_tick_tells_of_every_input_that_came_before_it() -> None:
     assert [one.number for one in record.inputs] == [1, 2, 3, 4]
 
 
-def test_a_key_that_is_held_is_told_once_with_the_first_timestep() -> None:
+def test_a_held_key_is_reported_once_with_the_first_timestep() -> None:
     session, _ = start()
     press(session, 0, EAST, EAST)
     assert outcomes(tick(session).inputs) == [(0, 1, "applied")]
@@ -59,7 +59,7 @@ def test_inputs_discarded_by_a_pause_are_stored_with_the_pause() -> None:
     assert over.inputs[0].received_ms is None
 
 
-def test_what_comes_too_late_is_told_with_the_end() -> None:
+def test_late_inputs_are_reported_at_the_end() -> None:
     session, _ = start(make_spec(horizon=1))
     tick(session)
     press(session, 0, EAST, EAST)
@@ -123,7 +123,7 @@ def test_a_repeat_after_a_restart_of_the_server_is_not_done_either() -> None:
         | st.tuples(st.integers(0, 9), st.none() | st.integers(0, 3), st.none() | st.sampled_from([0, 1, 2, 3, 5]))
     )
 )
-def test_every_input_is_told_exactly_once_whatever_comes(events: list[object]) -> None:
+def test_every_input_is_reported_exactly_once_whatever_comes(events: list[object]) -> None:
     keys, told, sent, timestep = Keys(), [], 0, 0
     for event in events:
         if event is None:

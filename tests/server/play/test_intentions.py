@@ -111,7 +111,7 @@ def test_with_on_key_an_intention_is_sent_only_while_it_is_asked_for() -> None:
     assert session.frames.violations == 0
 
 
-def test_an_intention_that_is_missing_breaks_the_promise() -> None:
+def test_a_missing_intention_is_a_violation() -> None:
     session = Session(new_record(make_spec(display="intention")), 0.0)
     session.finish_tick([None for _ in session.begin_start()], 1.0)
     assert session.frames.violations == 1

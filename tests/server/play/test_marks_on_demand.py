@@ -11,7 +11,7 @@ from server.play.session import Session
 from tests.support.live_fakes import RuleModels, make_spec, new_record
 
 
-class Player:
+class MarksPlayer:
     """A session that is played timestep by timestep, with a person who presses the marks key."""
 
     def __init__(self, **changes: object) -> None:
@@ -40,7 +40,7 @@ class Player:
 
 
 def test_with_on_key_a_frame_shows_the_marks_while_the_key_is_down() -> None:
-    player = Player(show="on_key")
+    player = MarksPlayer(show="on_key")
     assert player.record.asked is False
     assert not player.tick()
     player.press(True)
@@ -53,14 +53,14 @@ def test_with_on_key_a_frame_shows_the_marks_while_the_key_is_down() -> None:
 
 
 def test_a_press_shorter_than_a_timestep_shows_one_frame() -> None:
-    player = Player(show="on_key")
+    player = MarksPlayer(show="on_key")
     player.press(True)
     player.press(False)
     assert [player.tick(), player.tick()] == [True, False]
 
 
 def test_with_toggle_each_press_turns_the_marks_on_or_off() -> None:
-    player = Player(show="toggle")
+    player = MarksPlayer(show="toggle")
     shown = []
     for down in (True, False, True, False):
         player.press(down)
@@ -69,25 +69,25 @@ def test_with_toggle_each_press_turns_the_marks_on_or_off() -> None:
 
 
 def test_a_page_that_connects_again_is_told_whether_the_toggle_is_on() -> None:
-    player = Player(show="toggle")
+    player = MarksPlayer(show="toggle")
     said = []
     for down in (True, False, True):
         player.press(down)
         player.tick()
         said.append((player.session.tick_message(0).asked, player.session.welcome(0).asked))
     assert said == [(True, True), (True, True), (False, False)]
-    assert Player(show="toggle").session.welcome(0).asked is False
+    assert MarksPlayer(show="toggle").session.welcome(0).asked is False
 
 
 def test_where_marks_are_always_shown_nobody_need_ask() -> None:
-    player = Player(show="always")
+    player = MarksPlayer(show="always")
     assert player.session.welcome(0).asked
     assert player.session.tick_message(0).asked
 
 
 @pytest.mark.parametrize(("show", "after"), [("on_key", False), ("toggle", True)])
 def test_after_a_pause_the_key_is_up_and_a_toggle_stays(show: str, after: bool) -> None:
-    player = Player(show=show)
+    player = MarksPlayer(show=show)
     player.press(True)
     assert player.tick()
     player.session.keys[0].clear()
@@ -101,7 +101,7 @@ def test_what_a_toggle_was_is_known_after_a_restart() -> None:
 
 
 def test_a_client_without_a_marks_key_plays_without_marks() -> None:
-    player = Player(show="on_key")
+    player = MarksPlayer(show="on_key")
     assert player.session.key(0, Input(1, None, 2, 0.0), player.now)
     assert not player.tick()
     assert player.record.actions is not None
@@ -110,7 +110,7 @@ def test_a_client_without_a_marks_key_plays_without_marks() -> None:
 
 
 def test_marks_that_are_asked_for_and_missing_are_a_violation() -> None:
-    player = Player(show="on_key")
+    player = MarksPlayer(show="on_key")
     player.press(True)
     player.session.begin_tick(player.now)
     record = player.session.finish_tick([None], 1.0)
@@ -119,7 +119,7 @@ def test_marks_that_are_asked_for_and_missing_are_a_violation() -> None:
 
 
 def test_without_the_setting_nothing_is_asked() -> None:
-    player = Player()
+    player = MarksPlayer()
     assert player.tick()
     assert player.record.asked is None
 

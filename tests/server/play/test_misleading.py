@@ -99,8 +99,8 @@ def test_a_share_of_the_rounds_is_drawn_by_the_seed() -> None:
     study = parse_study(text).study
 
     def drawn(seed: int) -> list[bool]:
-        ways = [step for step in steps(study, "wrong", seed) if step.kind == "episode"]
-        return [episode_spec(study, step, "wrong", "en").misleading for step in ways]
+        rounds = [step for step in steps(study, "wrong", seed) if step.kind == "episode"]
+        return [episode_spec(study, step, "wrong", "en").misleading for step in rounds]
 
     assert drawn(5) == drawn(5)
     shares = [sum(drawn(seed)) / 20 for seed in range(20)]

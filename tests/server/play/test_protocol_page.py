@@ -43,7 +43,7 @@ def test_every_field_is_in_its_example() -> None:
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: msgspec.json.decode(example)["type"])
-def test_example_decodes_to_what_it_says(example: str) -> None:
+def test_the_example_decodes_to_the_documented_message(example: str) -> None:
     kinds = messages.Incoming if msgspec.json.decode(example)["type"] in names(messages.Incoming) else messages.Outgoing
     message = msgspec.json.decode(example, type=kinds)
     assert msgspec.json.decode(msgspec.json.encode(message)) == msgspec.json.decode(example)
@@ -115,13 +115,13 @@ def test_limits_are_those_of_the_code() -> None:
     assert f"{messages.MAX_FRAME_BYTES} bytes" in PAGE
     assert f"{PER_S:g} messages a second" in PAGE
     assert f"{BURST:g} at once" in PAGE
-    assert f"At most {game_socket.MOST_OF_ONE} sockets of one participant" in PAGE
-    assert f"after {socket_input.MOST_REFUSED} of them" in PAGE
+    assert f"At most {game_socket.MAX_OF_ONE} sockets of one participant" in PAGE
+    assert f"after {socket_input.MAX_REFUSED} of them" in PAGE
     echoes = f"first {study_pages.ECHOED_CHARACTERS} characters of each text frame"
     assert echoes in PAGE
-    assert f"After {study_pages.MOST_ECHOES} frames or {study_pages.CHECK_S} seconds" in PAGE
-    assert f"At most {watch_agents.MOST_GAMES} such games" in PAGE
-    assert f"{forms.LARGEST_FORM_BYTES // 1024} KiB and {forms.MOST_FIELDS} fields" in PAGE
+    assert f"After {study_pages.MAX_ECHOES} frames or {study_pages.CHECK_S} seconds" in PAGE
+    assert f"At most {watch_agents.MAX_GAMES} such games" in PAGE
+    assert f"{forms.MAX_FORM_BYTES // 1024} KiB and {forms.MAX_FIELDS} fields" in PAGE
     assert f"may ask {rate_limits.PER_S:g} times a second" in PAGE
 
 

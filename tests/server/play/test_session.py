@@ -87,7 +87,7 @@ def test_question_sees_the_state_and_the_joint_action_that_led_to_it_but_not_the
     assert question.left == session.spec.horizon - 1
 
 
-def test_late_partner_waits_and_the_tick_says_so() -> None:
+def test_late_partner_waits_and_the_tick_records_it() -> None:
     session, _ = start()
     record = tick(session, models_ms=500.0)
     assert record.late
@@ -99,7 +99,7 @@ def test_late_partner_waits_and_the_tick_says_so() -> None:
 
 
 @pytest.mark.parametrize(("shown", "broken"), [("predictor", 2), ("random", 0), ("nothing", 0)])
-def test_timesteps_whose_display_is_not_what_the_condition_promises_are_counted(shown: str, broken: int) -> None:
+def test_timesteps_whose_display_is_not_what_the_condition_requires_are_counted(shown: str, broken: int) -> None:
     session, _ = start(make_spec(shown=shown))
     for late in (False, True, True, False):
         tick(session, models_ms=1000.0 if late else 1.0)
@@ -230,7 +230,7 @@ def test_game_resumes_only_when_no_pause_reason_is_left() -> None:
     assert session.release(0, 4.0)
 
 
-def test_absence_before_the_start_is_no_pause() -> None:
+def test_absence_before_the_start_is_not_a_pause() -> None:
     session = Session(new_record(make_spec()), 0.0)
     assert session.pause(0, "lost", 1.0, AT) is None
     assert session.phase == "waiting"

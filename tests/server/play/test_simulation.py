@@ -11,7 +11,7 @@ RING = load_layout("coordination_ring")
 JOINT_ACTIONS = np.random.default_rng(7).integers(0, ACTIONS, (3, 60, 2)).tolist()  # of three games
 
 
-def test_games_that_are_stepped_together_go_as_each_goes_by_itself() -> None:
+def test_games_stepped_together_equal_games_stepped_alone() -> None:
     together, alone = ([Simulation(RING, horizon=60) for _ in JOINT_ACTIONS] for _ in range(2))
     for timestep in range(60):
         actions = [tuple(game[timestep]) for game in JOINT_ACTIONS]

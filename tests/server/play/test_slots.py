@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from server.play.clock import Clock
-from server.play.slots import BATCH_S, GAP_S, MOST_WAITS, Slot, between_batches, slots_of, until_next_s
+from server.play.slots import BATCH_S, GAP_S, MAX_WAITS, Slot, between_batches, slots_of, until_next_s
 
 
 class StoppedClock(Clock):
@@ -48,7 +48,7 @@ def test_no_batch_is_waited_for_where_games_do_not_follow_the_wall_clock() -> No
     assert until_next_s(occupied(1), StoppedClock(10.05, patience_s=5)) == math.inf
 
 
-async def test_other_work_waits_for_a_batch_that_is_due_soon_and_for_none_that_is_not() -> None:
+async def test_other_work_waits_only_for_a_batch_that_is_due_soon() -> None:
     clock = StoppedClock(10.035)
     await between_batches(occupied(1, 2), clock)
     assert clock.moment == pytest.approx(10.04 + BATCH_S)
@@ -60,4 +60,4 @@ async def test_other_work_waits_for_a_batch_that_is_due_soon_and_for_none_that_i
 async def test_other_work_of_a_busy_server_waits_for_a_few_batches_only() -> None:
     clock = StoppedClock(10.039, overslept=0.04 - BATCH_S - 0.001)  # wakes up shortly before each next batch
     await between_batches(occupied(0, 1, 2, 3, 4), clock)
-    assert clock.slept == MOST_WAITS
+    assert clock.slept == MAX_WAITS

@@ -43,8 +43,8 @@ def test_a_session_ends_when_nobody_uses_it_and_after_half_a_day_anyway(database
     assert database.read_now(admins.session, token, NOW + admins.IDLE + timedelta(seconds=1)) is None
     for hours in range(1, 13):
         database.write_now(admins.touch, token, NOW + timedelta(hours=hours))
-    assert database.read_now(admins.session, token, NOW + admins.LONGEST) is not None
-    assert database.read_now(admins.session, token, NOW + admins.LONGEST + timedelta(seconds=1)) is None
+    assert database.read_now(admins.session, token, NOW + admins.MAX_SESSION) is not None
+    assert database.read_now(admins.session, token, NOW + admins.MAX_SESSION + timedelta(seconds=1)) is None
 
 
 def test_a_new_password_or_removal_ends_all_sessions(database: Database, mara: str) -> None:

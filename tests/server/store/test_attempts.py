@@ -46,7 +46,7 @@ def test_tries_come_back_after_a_quarter_of_an_hour_and_leave_nothing_behind(dat
 
 def test_a_name_that_many_attack_keeps_a_try_for_everybody_who_has_not_tried(database: Database) -> None:
     for number in range(ATTACKED_AFTER):
-        database.write_now(attempts.reserve, "password", "ada", f"stranger {number}", NOW)
+        database.write_now(attempts.reserve, "password", "ada", f"attacker {number}", NOW)
     assert tries_left(database, "ada", "the owner") == 1
     assert tries_left(database, "mara", "the owner") == LIMIT
 

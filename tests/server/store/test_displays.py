@@ -56,7 +56,7 @@ def stored(
         ("predictor", [NOTHING[:1], MARKS[:1], NOTHING[:1]], 1),
     ],
 )
-def test_what_was_not_shown_as_promised_is_counted(
+def test_what_was_not_shown_as_required_is_counted(
     database: Database, shown: str, displays: list[tuple[tuple[int, int], ...]], broken: int
 ) -> None:
     study, episode = stored(database, shown, displays)
@@ -74,7 +74,7 @@ def test_marks_on_demand_are_due_in_the_timesteps_in_which_they_were_asked_for(d
     assert database.read_now(violations, [episode]) == {episode: (2, 0)}
 
 
-def test_those_that_are_due_to_the_server_s_lateness_are_told_apart(database: Database) -> None:
+def test_those_that_are_due_to_the_server_s_lateness_are_counted_separately(database: Database) -> None:
     displays = [NOTHING, NOTHING, MARKS, NOTHING, NOTHING]
     slow, quick = SPEC.deadline_ms + 0.5, float(SPEC.deadline_ms)
     study, episode = stored(database, "predictor", displays, models_ms=(slow, quick, slow, slow, slow))
@@ -85,8 +85,8 @@ def test_those_that_are_due_to_the_server_s_lateness_are_told_apart(database: Da
 
 
 @pytest.mark.parametrize("display", ["actions", "intention", "both"])
-def test_marks_and_intentions_are_promised_by_their_displays_only(database: Database, display: str) -> None:
-    """Four states: too little, what is promised, something else, and the last one, which does not count."""
+def test_marks_and_intentions_are_required_by_their_displays_only(database: Database, display: str) -> None:
+    """Four states: too little, what is required, something else, and the last one, which does not count."""
 
     def fill(connection):
         study = studies.register(connection, "one", "name: one")

@@ -27,7 +27,7 @@ from tests.support.postgres_server import PostgresServer
 from tests.support.study_data import SPEC, START, new_participant, played, result_of
 
 WRITER = Path(__file__).parents[2] / "support" / "writes_until_killed.py"
-LONGEST = 400  # as in WRITER
+HORIZON = 400  # as in WRITER
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def test_two_keys_of_one_seat_in_one_tick_are_refused(episode: str) -> None:
         ticks.row_of(structs.replace(played(episode, 1)[1], keys=twice))
 
 
-async def test_pause_is_told_when_it_begins_and_when_it_ends(
+async def test_messages_report_the_begin_and_the_end_of_a_pause(
     database: Database, recorder: StoreRecorder, episode: str
 ) -> None:
     lasting = PauseRecord(episode, 3, "hidden", START, None)
@@ -275,7 +275,7 @@ def test_no_acknowledged_tick_is_lost_when_the_server_is_killed(url: str) -> Non
         for episode, last in acknowledged.items():
             stored = database.read_now(ticks.of_episode, episode)
             assert len(stored) > last
-            assert stored == played(episode, LONGEST)[: len(stored)]
+            assert stored == played(episode, HORIZON)[: len(stored)]
 
 
 def test_what_threads_convert_to_is_known_before_there_are_threads() -> None:

@@ -1,4 +1,4 @@
-"""Who may store ticks of a game when several processes serve: the newest owner only."""
+"""When several processes serve, only the newest owner of a game may store its ticks."""
 
 import asyncio
 import threading
@@ -98,18 +98,18 @@ async def test_taking_over_a_game_waits_for_the_commit_in_progress(two: tuple[Da
     assert taken[1].last_hash == a_tick(episode, 0).state_hash
 
 
-async def test_a_game_that_was_deleted_is_nobodys_and_no_fault(two: tuple[Database, Database]) -> None:
+async def test_a_deleted_game_has_no_owner_and_is_not_an_error(two: tuple[Database, Database]) -> None:
     recorder = FencedRecorder(two[0])
     assert await recorder.take("gone") is None
     await recorder.ticks([a_tick("gone", 0)])
 
 
-def test_a_server_of_one_process_is_kept_out_while_several_are_at_work(two: tuple[Database, Database]) -> None:
+def test_a_server_of_one_process_is_kept_out_while_several_run(two: tuple[Database, Database]) -> None:
     with pytest.raises(DatabaseInUse):
         Database(str(two[0].url.render_as_string(hide_password=False)))
 
 
-async def test_what_is_to_follow_one_another_does_in_two_processes_too(address: str) -> None:
+async def test_ordered_writes_keep_their_order_across_two_processes(address: str) -> None:
     """Numbers of participants, attempts, quotas: read, then written."""
     with (
         Database(address, shared=True, in_turn=True) as one,

@@ -67,7 +67,7 @@ def test_same_person_may_be_in_two_studies(database: Database, study_id: int) ->
     assert database.write_now(new_participant, other, recruitment_id="P1") != first
 
 
-def test_same_contact_of_two_participants_is_no_fault(database: Database, study_id: int) -> None:
+def test_same_contact_of_two_participants_is_not_an_error(database: Database, study_id: int) -> None:
     for _ in range(2):
         person = database.write_now(new_participant, study_id)
         database.write_now(participants.add_personal, person, study_id, "contact", "shared@example.org")
@@ -89,7 +89,7 @@ def test_completion_code_never_changes(database: Database, study_id: int) -> Non
     assert not database.write_now(participants.advance, person, 0, 1)
 
 
-def test_counts_say_how_many_of_each_status_each_condition_has(database: Database, study_id: int) -> None:
+def test_counts_are_by_status_and_condition(database: Database, study_id: int) -> None:
     people = [database.write_now(new_participant, study_id, condition) for condition in ("tom", "tom", "tom", "none")]
     database.write_now(participants.complete, people[0], None)
     database.write_now(participants.leave, people[1], "screened_out")

@@ -76,7 +76,7 @@ async def test_a_loaded_episode_ignores_messages_that_it_has_already_handled(dat
     assert record.inputs == {0: StoredInputs(4, {"tab-0001": 0, "tab-0002": 3}), 1: StoredInputs(1, {"tab-0001": 7})}
 
 
-async def test_inputs_of_somebody_who_withdraws_are_deleted(database: Database, episode: str) -> None:
+async def test_inputs_of_a_participant_who_withdraws_are_deleted(database: Database, episode: str) -> None:
     database.write_now(ticks.insert, [structs.replace(record, inputs=sent(record)) for record in played(episode, 3)])
     (person,) = {name for name in database.read_now(episodes.load, episode).participants if name}  # type: ignore[union-attr]
     assert database.write_now(withdraw, person)

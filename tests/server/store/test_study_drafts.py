@@ -69,7 +69,7 @@ def test_a_text_that_comes_with_its_base_is_not_set_aside_by_itself(database: Da
     assert was == [True, False, False]
 
 
-def test_the_same_text_sent_twice_is_no_conflict(database: Database) -> None:
+def test_the_same_text_sent_twice_is_not_a_conflict(database: Database) -> None:
     draft = begun(database)
     saved(database, draft, "mara", "a", 1)
     again = saved(database, draft, "mara", "a", 1)

@@ -161,7 +161,7 @@ def test_tombstones_are_kept_from_import_to_export_to_import(before: Before, tmp
 
 
 @of_any_kind
-def test_without_any_source_the_command_says_that_nobody_was_asked(
+def test_without_any_source_the_command_reports_that_no_database_was_read(
     before: Before, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     imported(before, tmp_path)
@@ -191,7 +191,7 @@ def test_a_damaged_list_of_who_withdrew_is_refused_and_nothing_is_stored(
         assert database.read_now(studies.every) == []
 
 
-def test_a_tombstone_says_nothing_about_the_person(before: Before) -> None:
+def test_a_tombstone_reveals_nothing_about_the_person(before: Before) -> None:
     with Database(before.url, read_only=True) as database:
         (stone,) = database.read_now(tombstones.every)
     assert stone.is_of(before.person)
@@ -256,7 +256,7 @@ def test_a_researcher_deletes_somebody_on_request(before: Before, by: str, capsy
         ({"--database": "sqlite:///no/such/file.db"}, "there is no database"),
     ],
 )
-def test_what_cannot_be_found_is_said_with_a_remedy(
+def test_missing_files_are_reported_with_a_remedy(
     before: Before, change: dict[str, str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     options = {"--study": "ring", "--database": before.url, "--reason": "asked"} | change
@@ -286,7 +286,7 @@ def test_a_deletion_while_the_server_runs_neither_waits_nor_is_lost(before: Befo
     with Database(before.url) as server:
         assert kitchenmind.main(line) == 0
         assert server.read_now(participants.get, before.mate) is None
-        server.write_now(audit.add, "server", "goes on")
+        server.write_now(audit.add, "server", "continues")
         assert server.read_now(audit.first_forged) is None
 
 

@@ -18,7 +18,7 @@ def three_arms() -> Study:
     return parse_study(SMALL_STUDY.replace("agents:", THREE, 1)).study
 
 
-class Simulation:
+class AssignmentSimulation:
     """People come one after the other, up to `at_once` at a time; a share drops out at a random moment."""
 
     def __init__(self, study: Study, seed: int, dropout: float, at_once: int) -> None:
@@ -50,7 +50,7 @@ class Simulation:
 def test_arms_of_90_people_with_30_percent_dropout_differ_by_at_most_one_at_the_end(
     three_arms: Study, seed: int
 ) -> None:
-    simulation = Simulation(three_arms, seed, dropout=0.3, at_once=1)
+    simulation = AssignmentSimulation(three_arms, seed, dropout=0.3, at_once=1)
     for _ in range(90):
         simulation.arrive()
         simulation.leave()
@@ -64,7 +64,7 @@ def test_places_of_dropouts_are_filled_until_90_have_finished_while_15_play_at_o
     for predictor in ("none", "tom", "random"):
         text = text.replace(f"predictor: {predictor}}}\n", f"predictor: {predictor}, quota: 30}}\n", 1)
     study = parse_study(text).study
-    simulation = Simulation(study, seed, dropout=0.3, at_once=15)
+    simulation = AssignmentSimulation(study, seed, dropout=0.3, at_once=15)
     while sum(simulation.completed()) < 90:
         try:
             while len(simulation.active) < 15:
@@ -76,7 +76,7 @@ def test_places_of_dropouts_are_filled_until_90_have_finished_while_15_play_at_o
 
 
 def test_held_places_never_differ_by_more_than_one_before_anybody_leaves(three_arms: Study) -> None:
-    simulation = Simulation(three_arms, 1, dropout=0, at_once=90)
+    simulation = AssignmentSimulation(three_arms, 1, dropout=0, at_once=90)
     for _ in range(90):
         simulation.arrive()
         held = [count.held for count in simulation.held().values()]
@@ -85,13 +85,13 @@ def test_held_places_never_differ_by_more_than_one_before_anybody_leaves(three_a
 
 def test_weights_share_the_places() -> None:
     study = parse_study(SMALL_STUDY.replace("predictor: tom}", "predictor: tom, weight: 2}")).study
-    simulation = Simulation(study, 1, dropout=0, at_once=90)
+    simulation = AssignmentSimulation(study, 1, dropout=0, at_once=90)
     for _ in range(90):
         simulation.arrive()
     assert {name: count.held for name, count in simulation.held().items()} == {"without": 30, "with": 60}
 
 
-def test_full_condition_gets_nobody_and_a_full_study_says_so() -> None:
+def test_full_condition_gets_nobody_and_a_full_study_shows_a_message() -> None:
     text = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}")
     study = parse_study(text.replace("predictor: tom}", "predictor: tom, quota: 1}")).study
     assert next_condition(study, {"without": Count(1, 0)}, 1) == "with"

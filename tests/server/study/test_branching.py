@@ -69,7 +69,7 @@ def test_a_question_asked_on_two_pages_is_ambiguous() -> None:
     assert "'pick' is asked in everything and in more. Give the questions keys of their own." in caught.value.lines[0]
 
 
-def test_what_depends_on_an_answer_is_no_primary_measure() -> None:
+def test_a_conditional_question_is_not_a_primary_measure() -> None:
     text = BRANCHED.replace(
         "- {key: partner, type: scale,", "- {key: partner, when: {question: pick, one_of: [tea]}, type: scale,"
     )

@@ -32,7 +32,7 @@ def refused(content: str) -> str:
         ("{name: a, predictor: none}", "none", "nothing"),
     ],
 )
-def test_a_condition_draws_what_it_says_or_what_the_study_says(condition: str, display: str, shown: str) -> None:
+def test_a_condition_draws_by_its_own_setting_or_the_study_s(condition: str, display: str, shown: str) -> None:
     study = parse_study(text(condition, "predictor: {display: both}\n")).study
     step = next(one for one in steps(study, "a", 1) if one.kind == "episode")
     spec = episode_spec(study, step, "a", "en")
@@ -72,7 +72,7 @@ flow: [introduction, tutorial, episodes, thanks]
 """
 
 
-def test_an_intention_that_no_predictor_says_is_refused_with_a_remedy() -> None:
+def test_an_intention_display_without_a_predictor_of_intentions_is_refused_with_a_remedy() -> None:
     file = parse_study(study_head("small", "Small") + SP.format(predictor=", predictor: random", practice="carrier"))
     (problem,) = [one for one in stage_problems(file, loads=False) if not one.warning]
     assert problem.path == ("conditions", 0, "display")

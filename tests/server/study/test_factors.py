@@ -189,7 +189,7 @@ def test_the_form_of_a_condition_chooses_its_predictor() -> None:
         (NAMED + "primary: {effect: [opacity], measure: check}\n", "primary:", "after every episode in all conditions"),
     ],
 )
-def test_mistakes_are_told_with_place_and_remedy(factors: str, line: str, words: str) -> None:
+def test_errors_have_a_place_and_a_remedy(factors: str, line: str, words: str) -> None:
     text = SMALL_STUDY[:START] + factors + SMALL_STUDY[END:]
     with pytest.raises(StudyError) as caught:
         parse_study(text, "small.yaml")

@@ -48,7 +48,7 @@ WRONG = [
     ("seed: 11\n", "seed: 11\nseed: 12\n", "seed: 12", "the key 'seed' is there twice"),
     ("seed: 11\n", "", "name: small", "'seed' is missing here. Add `seed: ...`"),
     ("name: small", "name: Small One", "name: ", "'Small One' is not possible here. Use up to 40 small"),
-    ("seed: 11\n", "seed: 11\n  wrong: [\n", "  wrong", "this is no YAML"),
+    ("seed: 11\n", "seed: 11\n  wrong: [\n", "  wrong", "this is not YAML"),
     ("seed: 11\n", "seed: !!python/object/apply:os.system [ls]\n", "seed: !!", "['ls'] is not a whole number"),
     ("seed: 11\n", "seed: !!binary aGk=\n", "seed: !!", "is not allowed"),
     ("seed: 11\n", "recruitment: {completed: {url: 'https://x.org/?c={cod}'}}\nseed: 1\n", "recr", "placeholder {cod}"),
@@ -84,7 +84,7 @@ def test_wrong_file_is_refused_with_line_reason_and_remedy(old: str, new: str, w
     assert any(line.startswith(expected) and message.lower() in line.lower() for line in found), found
 
 
-def test_all_problems_are_told_at_once() -> None:
+def test_all_problems_are_reported_at_once() -> None:
     text = SMALL_STUDY.replace("duration_min: 4", "duration_min: soon").replace("{rule: paper}", "{rule: none}")
     assert len(errors(text)) == 2
 
@@ -112,7 +112,7 @@ def test_language_that_the_platform_does_not_speak_is_warned_about() -> None:
     assert "locales/tlh.yaml" in warning
 
 
-def test_file_that_is_no_mapping_is_refused() -> None:
+def test_file_that_is_not_a_mapping_is_refused() -> None:
     assert "a study is a mapping" in errors("- one\n- two\n")[0]
 
 
@@ -157,7 +157,7 @@ def test_numbers_and_yes_or_no_are_read_where_the_field_wants_them() -> None:
 
 
 @pytest.mark.parametrize("written", ["1:30", "0x10", "4 min", "[4]", "true"])
-def test_what_is_no_plain_number_is_refused_where_a_number_is_wanted(written: str) -> None:
+def test_something_that_is_not_a_plain_number_is_refused_for_a_number(written: str) -> None:
     (line,) = errors(SMALL_STUDY.replace("duration_min: 4", f"duration_min: {written}"))
     assert "is not a whole number" in line
 
@@ -174,8 +174,8 @@ def test_file_that_is_nested_too_deep_is_refused_with_its_line(text: str) -> Non
 
 
 def test_file_of_too_many_values_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert loader.LARGEST_NODES == 50_000
-    monkeypatch.setattr(loader, "LARGEST_NODES", 500)  # so many values take seconds to read
+    assert loader.MAX_NODES == 50_000
+    monkeypatch.setattr(loader, "MAX_NODES", 500)  # so many values take seconds to read
     (line,) = errors("a:\n" + "- b\n" * 600)
     assert "more than 50,000 values" in line
 

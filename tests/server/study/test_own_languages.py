@@ -135,7 +135,7 @@ def test_the_platform_s_own_words_stay(study: Path) -> None:
         (("de", "nowhere"), "nowhere does not exist. Give a study file or its folder."),
     ],
 )
-def test_what_cannot_be_written_says_why(words: tuple[str, ...], reason: str) -> None:
+def test_a_change_that_cannot_be_written_gives_a_reason(words: tuple[str, ...], reason: str) -> None:
     refused = run("study", "words", *words)
     assert (refused.returncode, reason in refused.stderr) == (2, True)
 

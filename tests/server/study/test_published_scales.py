@@ -26,7 +26,7 @@ def test_every_scale_has_a_name_that_a_study_can_use() -> None:
 
 
 @pytest.mark.parametrize("name", SCALE_NAMES)
-def test_a_scale_names_source_and_licence_and_says_what_its_translations_are_worth(name: str) -> None:
+def test_a_scale_names_source_and_licence_and_how_its_translations_were_made(name: str) -> None:
     said = published_scale(name)
     assert said["source"]
     assert said["licence"]
@@ -85,7 +85,7 @@ def test_workload_is_answered_from_0_to_100_in_steps_of_5(given: str, taken: boo
         ("{type: published, scale: nasa_tlx_raw, conditions: [nobody]}", "there is no condition 'nobody'"),
     ],
 )
-def test_what_cannot_be_asked_is_refused_with_what_can(entry: str, reason: str) -> None:
+def test_an_impossible_question_is_refused_with_the_possible_ones(entry: str, reason: str) -> None:
     with pytest.raises(StudyError, match=r"study.yaml:\d+: questionnaires.everything.questions.4") as refused:
         parse_study(small_with(entry))
     assert reason in str(refused.value)

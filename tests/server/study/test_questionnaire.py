@@ -49,7 +49,7 @@ def test_control_character_is_refused_and_not_removed(control: str) -> None:
 
 
 @pytest.mark.parametrize("blank", [" ", "\u3000", "\u00a0\n", "\ufeff"])
-def test_blank_text_is_no_answer(blank: str) -> None:
+def test_blank_text_is_not_an_answer(blank: str) -> None:
     question = TextQuestion.model_validate({"key": "words", "type": "text", "text": "Words"})
     assert check_answers((question,), {"words": [blank]}).faults["words"].reason == "missing_text"
 

@@ -70,9 +70,9 @@ def test_progress_bar_never_goes_back(published: Study) -> None:
 
 def test_same_seed_gives_the_same_steps_whatever_the_condition(published: Study) -> None:
     for seed in SEEDS:
-        ways = {steps(published, condition.name, seed) for condition in published.conditions}
-        assert len(ways) == 1
-        assert ways == {steps(published, "none", seed)}
+        sequences = {steps(published, condition.name, seed) for condition in published.conditions}
+        assert len(sequences) == 1
+        assert sequences == {steps(published, "none", seed)}
 
 
 def test_episodes_of_one_participant_have_different_seeds(published: Study) -> None:

@@ -19,7 +19,7 @@ def test_changes_in_different_places_become_one_text() -> None:
     assert both(theirs, mine) == [mine.replace("pilot", "main")]
 
 
-def test_other_words_in_neighbouring_lines_are_no_conflict() -> None:
+def test_other_words_in_neighbouring_lines_are_not_a_conflict() -> None:
     theirs, mine = BASE.replace("30", "31"), BASE.replace("seed: 1", "seed: 2")
     assert both(theirs, mine) == [BASE.replace("30", "31").replace("seed: 1", "seed: 2")]
 

@@ -20,7 +20,7 @@ STUDY = (Path(__file__).parents[3] / "studies" / "two_people.yaml").read_text(en
         ("limit_s: 180", "limit_s: 0", "limit_s"),
     ],
 )
-def test_what_does_not_fit_is_told_with_its_remedy(old: str, new: str, told: str) -> None:
+def test_misfits_are_reported_with_their_remedy(old: str, new: str, told: str) -> None:
     assert STUDY.count(old) == 1
     with pytest.raises(StudyError) as raised:
         parse_study(STUDY.replace(old, new), "pairs.yaml")

@@ -110,7 +110,7 @@ def test_models_of_all_blocks_are_loaded() -> None:
         ),
     ],
 )
-def test_mistakes_are_told_with_place_and_remedy(old: str, new: str, words: str) -> None:
+def test_errors_have_a_place_and_a_remedy(old: str, new: str, words: str) -> None:
     with pytest.raises(StudyError) as caught:
         study(FACTORS.replace(old, new))
     assert any(words in one for one in caught.value.lines), caught.value.lines

@@ -85,11 +85,11 @@ def test_a_log_for_machines_is_a_json_object_a_line(capfd: pytest.CaptureFixture
         try:
             raise ValueError("broken on purpose")
         except ValueError:
-            logging.getLogger("server.play.loop").exception("episode %s cannot go on", "abc")
+            logging.getLogger("server.play.loop").exception("episode %s cannot continue", "abc")
         (line,) = capfd.readouterr().err.splitlines()
         told = json.loads(line)
         assert (told["event"], told["level"], told["logger"]) == (
-            "episode abc cannot go on",
+            "episode abc cannot continue",
             "error",
             "server.play.loop",
         )

@@ -13,18 +13,18 @@ from websockets.sync.client import connect
 
 from server.store.database import Database
 from server.web.auth import FORM_S, CsrfProtection, token_for
-from server.web.participant.study_pages import MOST_ECHOES
+from server.web.participant.study_pages import MAX_ECHOES
 from server.web.security_headers import policy
-from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, PageSite, Visitor
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("safety"), SMALL_STUDY) as running:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
+    with PageSite(tmp_path_factory.mktemp("safety"), SMALL_STUDY) as running:
         yield running
 
 
-def test_every_answer_carries_the_security_headers(site: Site) -> None:
+def test_every_answer_carries_the_security_headers(site: PageSite) -> None:
     for path in ("/", "/s/small", "/nowhere", "/static/css/pages.css"):
         headers = Visitor(site).get(path).headers
         policy = headers["content-security-policy"]
@@ -63,7 +63,7 @@ def test_a_policy_takes_the_origins_of_recruiters() -> None:
     assert text["Content-Security-Policy"].endswith("frame-ancestors https://*.mturk.com")
 
 
-def test_pages_hold_no_inline_code_and_ask_nobody_else(site: Site) -> None:
+def test_pages_have_no_inline_code_and_load_nothing_from_elsewhere(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     for path in ("/", "/s/small/now", "/s/small/withdraw"):
@@ -75,14 +75,14 @@ def test_pages_hold_no_inline_code_and_ask_nobody_else(site: Site) -> None:
         assert "https://" not in page
 
 
-def test_pages_are_never_cached(site: Site) -> None:
+def test_pages_are_never_cached(site: PageSite) -> None:
     visitor = Visitor(site)
     assert visitor.get("/s/small").headers["cache-control"] == "no-store"
     assert visitor.consent("small").headers["cache-control"] == "no-store"
 
 
 @pytest.mark.parametrize("origin", ["https://evil.example", "http://127.0.0.1:1", "null"])
-def test_form_from_another_site_is_refused(site: Site, origin: str) -> None:
+def test_form_from_another_site_is_refused(site: PageSite, origin: str) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     fields = visitor.fields() | {key: value for key, value in EVERYTHING.items() if isinstance(value, str)}
@@ -92,7 +92,7 @@ def test_form_from_another_site_is_refused(site: Site, origin: str) -> None:
     assert site.everybody("small")[-1].position == before
 
 
-def test_form_without_our_mark_or_with_anothers_is_refused(site: Site) -> None:
+def test_form_without_our_mark_or_with_anothers_is_refused(site: PageSite) -> None:
     visitor, other = Visitor(site), Visitor(site)
     visitor.consent("small")
     other.consent("small")
@@ -134,7 +134,7 @@ def test_cookie_travels_over_tls_only_where_the_address_is_https() -> None:
         (b"", 403),
     ],
 )
-def test_broken_body_is_refused_and_nothing_breaks(site: Site, body: bytes, status: int) -> None:
+def test_broken_body_is_refused_and_nothing_breaks(site: PageSite, body: bytes, status: int) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     kind = {"content-type": "application/x-www-form-urlencoded"}
@@ -144,27 +144,27 @@ def test_broken_body_is_refused_and_nothing_breaks(site: Site, body: bytes, stat
 
 
 @pytest.mark.parametrize("cookie", ["", "x", "a" * 64, "' or 1=1 --" + "x" * 30, "ü" * 30])
-def test_an_invalid_cookie_leads_to_consent(site: Site, cookie: str) -> None:
+def test_an_invalid_cookie_leads_to_consent(site: PageSite, cookie: str) -> None:
     visitor = Visitor(site)
     page = visitor.client.get("/s/small/now", headers={"cookie": f"participant={cookie}".encode()})
     assert page.url.path == "/s/small"
 
 
 @pytest.mark.parametrize("path", ["/nowhere", "/s/none", "/s/none/now/", "/s/small/nothing", "/s/../etc"])
-def test_an_unknown_address_shows_a_page_with_a_link_home(site: Site, path: str) -> None:
+def test_an_unknown_address_shows_a_page_with_a_link_home(site: PageSite, path: str) -> None:
     page = Visitor(site).get(path)
     assert page.status_code == 404
     assert "Page not found" in page.text
     assert 'href="/"' in page.text
 
 
-def test_program_gets_its_error_as_json(site: Site) -> None:
+def test_program_gets_its_error_as_json(site: PageSite) -> None:
     answer = Visitor(site, {"accept": "application/json"}).get("/nowhere")
     assert (answer.status_code, answer.json()) == (404, {"detail": "Not Found"})
 
 
 def test_an_unavailable_database_shows_an_error_page(tmp_path: Path) -> None:
-    with Site(tmp_path, SMALL_STUDY) as site:
+    with PageSite(tmp_path, SMALL_STUDY) as site:
         visitor = Visitor(site)
         visitor.consent("small")
         away = Database("postgresql://nobody@127.0.0.1:1/none", read_only=True)
@@ -176,7 +176,7 @@ def test_an_unavailable_database_shows_an_error_page(tmp_path: Path) -> None:
 
 
 def test_an_internal_error_reveals_no_internal_details(tmp_path: Path) -> None:
-    with Site(tmp_path, SMALL_STUDY) as site:
+    with PageSite(tmp_path, SMALL_STUDY) as site:
         visitor = Visitor(site)
         site.app.add_api_route("/broken", lambda: 1 / 0)
         page = visitor.get("/broken")
@@ -186,14 +186,14 @@ def test_an_internal_error_reveals_no_internal_details(tmp_path: Path) -> None:
         assert "default-src 'none'" in page.headers["content-security-policy"]
 
 
-def test_entry_check_echoes_over_a_websocket_a_few_times(site: Site) -> None:
+def test_entry_check_echoes_over_a_websocket_a_few_times(site: PageSite) -> None:
     url = site.url.replace("http", "ws") + "/s/small/check"
     with connect(url) as socket:
         for number in range(7):
             socket.send(str(number))
             assert socket.recv(timeout=5) == str(number)
     with connect(url) as socket:
-        for _ in range(MOST_ECHOES):
+        for _ in range(MAX_ECHOES):
             socket.send("x" * 100)
             assert socket.recv(timeout=5) == "x" * 16
         with pytest.raises(ConnectionClosed):
@@ -206,8 +206,8 @@ def test_entry_check_echoes_over_a_websocket_a_few_times(site: Site) -> None:
         assert socket.protocol.close_code == 1003
 
 
-def test_a_page_that_is_closed_during_the_entry_check_is_no_error_of_the_server(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+def test_a_page_that_is_closed_during_the_entry_check_is_not_a_server_error(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     errors: list[object] = []
     over = threading.Event()
@@ -227,7 +227,7 @@ def test_a_page_that_is_closed_during_the_entry_check_is_no_error_of_the_server(
     assert errors == []
 
 
-def test_entry_check_refuses_other_sites_and_other_studies(site: Site) -> None:
+def test_entry_check_refuses_other_sites_and_other_studies(site: PageSite) -> None:
     url = site.url.replace("http", "ws")
     with pytest.raises(InvalidStatus):
         connect(f"{url}/s/small/check", origin="https://evil.example")  # type: ignore[arg-type]

@@ -43,7 +43,7 @@ async def test_every_frame_of_real_games_fits_the_schema_that_the_server_serves(
         schema = httpx.get(f"{live.url}/protocol.json").raise_for_status().json()
         monkeypatch.setattr(ClientConnection, "send", sending)
         monkeypatch.setattr(ClientConnection, "recv", receiving)
-        journal = await Bot(live.url, "short", 1, Habits(browser_faults=("reload",))).walk()
+        journal = await Bot(live.url, "short", 1, Habits(browser_faults=("reload",))).take_part()
     assert journal.code
     assert {frame["type"] for frame in sent} >= {"hello", "ready", "input"}
     assert {frame["type"] for frame in received} >= {"welcome", "countdown", "tick", "lesson", "paused", "ended"}

@@ -17,7 +17,7 @@ from server.study.definition import Study
 from server.study.loader import parse_study
 from server.study.steps import StudyStep, steps
 from server.study_check import stage_problems
-from tests.support.page_site import Site, Visitor
+from tests.support.page_site import PageSite, Visitor
 
 TEXT = (ROOT / "tests" / "data" / "every_setting.yaml").read_text(encoding="utf-8")
 LINK = "?PID=p1&WAVE=w2&OTHER=x"
@@ -29,8 +29,8 @@ def study() -> Study:
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with Site(tmp_path, TEXT) as running:
+def site(tmp_path: Path) -> Iterator[PageSite]:
+    with PageSite(tmp_path, TEXT) as running:
         yield running
 
 
@@ -132,7 +132,7 @@ def test_weights_and_quotas_are_kept(study: Study) -> None:
         next_condition(study, {name: Count(completed=count) for name, count in held.items()}, 60)
 
 
-def test_pages_say_what_the_file_says(site: Site) -> None:
+def test_pages_show_the_texts_of_the_study_file(site: PageSite) -> None:
     visitor = Visitor(site)
     assert visitor.get("/s/every_setting").status_code == 400, "the person's parameter is required"
     page = visitor.get(f"/s/every_setting{LINK}").text
@@ -149,17 +149,17 @@ def test_pages_say_what_the_file_says(site: Site) -> None:
     assert "In years" in visitor.get("/s/every_setting/now").text
 
 
-def arrived(site: Site, key: str, link: str = LINK) -> Visitor:
+def arrived(site: PageSite, key: str, link: str = LINK) -> Visitor:
     visitor = Visitor(site)
     visitor.consent("every_setting", link)
     me = site.everybody("every_setting")[-1]
-    keys = [step.key for step in site.studies.way(me)]
+    keys = [step.key for step in site.studies.steps_of(me)]
     site.database.write_now(participants.advance, me.id, me.position, keys.index(key))
     visitor.get("/s/every_setting/now")
     return visitor
 
 
-def test_the_practice_is_skipped_only_where_the_file_allows_it(site: Site, tmp_path: Path) -> None:
+def test_the_practice_is_skipped_only_where_the_file_allows_it(site: PageSite, tmp_path: Path) -> None:
     visitor = arrived(site, "tutorial")
     assert 'id="skip"' in visitor.page.text
     visitor.submit("every_setting")
@@ -167,7 +167,7 @@ def test_the_practice_is_skipped_only_where_the_file_allows_it(site: Site, tmp_p
     assert site.step(me).key == "ready-01"
     assert len(site.database.read_now(events.of_participant, me.id, "tutorial_skipped")) == 1
     (tmp_path / "strict").mkdir()
-    with Site(tmp_path / "strict", TEXT.replace("  skippable: true\n", "")) as strict:
+    with PageSite(tmp_path / "strict", TEXT.replace("  skippable: true\n", "")) as strict:
         visitor = arrived(strict, "tutorial")
         assert 'id="skip"' not in visitor.page.text
         me = strict.only("every_setting")
@@ -178,7 +178,7 @@ def test_the_practice_is_skipped_only_where_the_file_allows_it(site: Site, tmp_p
         assert strict.step(me).key == "tutorial"
 
 
-def test_the_quiz_ends_the_study_after_the_allowed_attempts_with_the_return_link(site: Site) -> None:
+def test_the_quiz_ends_the_study_after_the_allowed_attempts_with_the_return_link(site: PageSite) -> None:
     visitor = arrived(site, "quiz")
     assert "You have 2 tries." not in visitor.page.text, "the file has its own lead"
     for _ in range(2):
@@ -188,7 +188,7 @@ def test_the_quiz_ends_the_study_after_the_allowed_attempts_with_the_return_link
     assert "Delete my data" in visitor.page.text
 
 
-def test_questions_follow_the_condition_and_scales_have_their_points(site: Site) -> None:
+def test_questions_follow_the_condition_and_scales_have_their_points(site: PageSite) -> None:
     for number in range(3):
         arrived(site, "after-01", f"?PID=q{number}&WAVE=1")
     shown = {}

@@ -1,4 +1,4 @@
-"""What the game's sockets read and write of uvicorn and websockets besides ASGI."""
+"""How the game's sockets use uvicorn and websockets directly, past ASGI."""
 
 import asyncio
 from typing import Any
@@ -33,7 +33,7 @@ READ = {
 async def _nothing(scope: Any, receive: Any, send: Any) -> None: ...
 
 
-async def test_the_libraries_still_have_what_frames_and_keys_need() -> None:
+async def test_the_libraries_still_have_the_internals_that_frames_and_keys_use() -> None:
     config = Config(_nothing, ws_per_message_deflate=False, log_config=None)
     config.load()
     made = QuietProtocol(config=config, server_state=ServerState(), app_state={}, _loop=asyncio.get_running_loop())

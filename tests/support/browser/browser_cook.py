@@ -15,7 +15,7 @@ from server.play import messages
 KEYS = ("ArrowUp", "ArrowDown", "ArrowRight", "ArrowLeft", "", "Space")
 LOOK_MS = 15
 PRESS_AGAIN_S = 2.0  # a key without effect, e.g. during a pause
-SILENCE_S = 0.5  # without a timestep for this long, it looks for a button that lets the game go on
+SILENCE_S = 0.5  # without a timestep for this long, it looks for a button that continues the game
 BUTTON_MS = 2000.0
 BUTTONS = ("start-button", "pause-button")
 _decoder = msgspec.json.Decoder(messages.Outgoing)

@@ -25,7 +25,7 @@ MOMENT: dict[str, Any] = {
 
 
 def rings(**changes: Any) -> Welcome:
-    """A round in Double Rings. Its ticks are so long that no mark grows stale while a test looks at it."""
+    """A round in Double Rings. Its ticks are long: no mark becomes stale while a test looks at it."""
     state = kitchen(t=194, **MOMENT)
     named = {"title": "Double Rings", "layout": "double_rings"}
     return welcome(**{"grid": RINGS, "tick_ms": 5000, "state": state, **named, **changes})

@@ -84,7 +84,7 @@ def tick(
 
 
 class FakeGameServer:
-    """Runs in a thread of its own. `received` are the browser's messages in order, checked by the real decoder."""
+    """Runs in a separate thread. `received` are the browser's messages in order, checked by the real decoder."""
 
     def __init__(self, **page: Any) -> None:
         self.reset(**page)

@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, BrowserContext, Locator, Page
 from server.store import participants
 from server.store.participants import Participant
 from tests.support.browser.game_page import draw_less_often, screenshot
-from tests.support.page_site import SMALL_STUDY, Site
+from tests.support.page_site import SMALL_STUDY, PageSite
 
 DESK = {"width": 1366, "height": 768}
 
@@ -38,15 +38,15 @@ ACCEPTED = "assignmentId=A1&hitId=H1&turkSubmitTo=https%3A%2F%2Fwww.mturk.com"
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("pages"), SMALL_STUDY, LONGER, HIRED) as running:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
+    with PageSite(tmp_path_factory.mktemp("pages"), SMALL_STUDY, LONGER, HIRED) as running:
         yield running
 
 
-class Person:
+class BrowserPerson:
     """Somebody at a browser, whose console and requests are recorded."""
 
-    def __init__(self, site: Site, context: BrowserContext) -> None:
+    def __init__(self, site: PageSite, context: BrowserContext) -> None:
         self.site, self.page = site, context.new_page()
         self.errors: list[str] = []
         self.asked: list[str] = []
@@ -62,16 +62,16 @@ class Person:
     def me(self) -> Participant:
         return self.site.everybody("small")[-1]
 
-    def consent(self, query: str = "") -> "Person":
+    def consent(self, query: str = "") -> "BrowserPerson":
         self.page.goto(f"{self.site.url}/s/small{query}")
         self.page.locator(".check input").check()
         self.page.click("#agree")
         self.page.wait_for_url("**/now")
         return self
 
-    def jump(self, key: str) -> "Person":
+    def jump(self, key: str) -> "BrowserPerson":
         """Go to a step as if everything before it had been done."""
-        keys = [step.key for step in self.site.studies.way(self.me)]
+        keys = [step.key for step in self.site.studies.steps_of(self.me)]
         self.site.database.write_now(participants.advance, self.me.id, self.me.position, keys.index(key))
         self.page.goto(f"{self.site.url}/s/small/now")
         return self
@@ -81,9 +81,9 @@ class Person:
 
 
 @pytest.fixture
-def person(site: Site, chromium: Browser) -> Iterator[Person]:
+def person(site: PageSite, chromium: Browser) -> Iterator[BrowserPerson]:
     context = draw_less_often(chromium.new_context(viewport=DESK, locale="en-GB"))
-    somebody = Person(site, context)
+    somebody = BrowserPerson(site, context)
     yield somebody
     context.close()
     assert somebody.errors == []

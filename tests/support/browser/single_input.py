@@ -7,7 +7,7 @@ from playwright.sync_api import Locator, Page
 
 from tests.support.browser.browser_cook import BUTTON_MS, BrowserCook
 
-MOST_TABS = 120
+MAX_TABS = 120
 # What has the focus, and whether it shows: by a ring round it, or round the label or number that stands for it.
 FOCUS = """() => {
   const e = document.activeElement, box = e.getBoundingClientRect();
@@ -30,7 +30,7 @@ class KeyboardOnly:
         """Fill in what the page asks and press what leads on."""
         done: set[str] = set()
         with self.page.expect_navigation():
-            for _ in range(MOST_TABS):
+            for _ in range(MAX_TABS):
                 self.page.keyboard.press("Tab")
                 here = self._focus()
                 if here["main"] and self._answer(here, done):
@@ -72,7 +72,7 @@ class KeyboardOnly:
 
 def enter(page: Page, wanted: str) -> None:
     """Press Enter on an element, coming to it by Tab where it has not the focus."""
-    for _ in range(MOST_TABS):
+    for _ in range(MAX_TABS):
         if page.evaluate("document.activeElement.id") == wanted:
             break
         page.keyboard.press("Tab")
@@ -138,8 +138,8 @@ class FingerCook(BrowserCook):
         self.page.tap(f"#{button}", timeout=BUTTON_MS)
 
 
-def walk(person: "KeyboardOnly | TouchOnly", url: str, seconds: float = 150.0) -> list[str]:
-    """From the link to the completion code; the titles of the pages on the way."""
+def take_part(person: "KeyboardOnly | TouchOnly", url: str, seconds: float = 150.0) -> list[str]:
+    """Take part from the link to the completion code; return the titles of the pages."""
     page, titles, deadline = person.page, [], time.monotonic() + seconds
     page.set_default_timeout(60_000)
     page.goto(url)

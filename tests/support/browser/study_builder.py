@@ -57,7 +57,7 @@ def signed_in(context: BrowserContext, server: LiveServer, password: str, errors
 
 @pytest.fixture
 def new_page(chromium: Browser, server: LiveServer, password: str, session: Any) -> Iterator[NewPage]:
-    """Each page is of a browser of its own; errors of a script fail the test."""
+    """Each page has its own browser; errors of a script fail the test."""
     contexts: list[BrowserContext] = []
     errors: list[str] = []
 

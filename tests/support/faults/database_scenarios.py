@@ -28,7 +28,7 @@ from tests.support.live_server import LiveServer
 from tests.support.postgres_server import PostgresServer
 from tests.support.real_server import RealServer
 
-TOLD_WITHIN_S = 2.0  # a commit that takes a second counts as failed
+NOTICE_TIMEOUT_S = 2.0  # a commit that takes a second counts as failed
 Fault = Callable[[], Awaitable[None]]
 
 
@@ -40,12 +40,12 @@ async def away(group: ClientGroup, begin: Fault, end: Fault, seconds: float) -> 
     stopped = time.monotonic()
     told = await group.told("paused", began, "database")
     await asyncio.sleep(max(0.0, seconds - (time.monotonic() - stopped)))
-    fresh = group.since("tick", stopped + TOLD_WITHIN_S)
+    fresh = group.since("tick", stopped + NOTICE_TIMEOUT_S)
     healed = time.monotonic()
     await end()
     back = await group.moving(healed, within_s=90)
     figure = {"told_most_s": rounded(max(told)), "moving_again_most_s": rounded(max(back))}
-    return max(told) <= TOLD_WITHIN_S and not fresh, figure | {"ticks_meanwhile": len(fresh)}
+    return max(told) <= NOTICE_TIMEOUT_S and not fresh, figure | {"ticks_meanwhile": len(fresh)}
 
 
 async def locked(folder: Path, seconds: float) -> FaultResult:

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 _CHUNK_BYTES = 4096
-_MOST_WAITING = 16  # chunks a direction holds before it stops reading, as a full pipe would
+_MAX_WAITING = 16  # chunks a direction holds before it stops reading, as a full pipe would
 _RETRANSMIT_MS = 200.0
 
 
@@ -31,7 +31,7 @@ class Way:
 
     def __init__(self, proxy: "FaultProxy", reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._proxy, self._reader, self._writer = proxy, reader, writer
-        self._waiting: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(_MOST_WAITING)
+        self._waiting: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(_MAX_WAITING)
         self.gate = asyncio.Event()
         self.gate.set()
 

@@ -4,7 +4,7 @@ import asyncio
 import time
 from typing import Any
 
-from tests.support.faults.recording_client import Game, LogEntry, RecordingClient
+from tests.support.faults.recording_client import ClientGame, LogEntry, RecordingClient
 from tests.support.real_server import SHORT_STUDY
 
 _ARMS = SHORT_STUDY.partition("conditions: ")[2].partition("\n")[0]
@@ -40,7 +40,7 @@ class ClientGroup:
             for name, value in client.items():
                 setattr(one, name, value)
         self._playing: list[asyncio.Task[Any]] = []
-        self._games: list[Game] = []
+        self._games: list[ClientGame] = []
 
     async def __aenter__(self) -> "ClientGroup":
         await asyncio.gather(*(one.to_the_game() for one in self.clients))

@@ -15,7 +15,7 @@ from tests.support.faults.fault_proxy import FaultProxy, Weather
 from tests.support.faults.fault_scenario import FaultResult, rounded
 from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import Holdings, held_against, lateness_ms, longest, p99
-from tests.support.faults.recording_client import Game, RecordingClient
+from tests.support.faults.recording_client import ClientGame, RecordingClient
 from tests.support.live_server import LiveServer
 
 ROUGH = Weather(latency_ms=100, jitter_ms=50, loss=0.02)  # each way: 200 ms +- 100 there and back
@@ -95,7 +95,7 @@ async def herd(folder: Path, people: int) -> FaultResult:
     return FaultResult(12, "everybody reconnects at once", people, found.ok and not ghosts, figure)
 
 
-async def _visit(game: Game) -> None:
+async def _visit(game: ClientGame) -> None:
     async with game.connect() as socket:
         await socket.send(json.dumps({"type": "hello", "protocol": 1, "tab": game.tab}))
         while '"welcome"' not in str(await socket.recv()):
@@ -140,7 +140,7 @@ async def slow_reader(folder: Path, seconds: float) -> FaultResult:
         late = p99(lateness_ms(live.database, calm))
         found = held_against(live.database, [*others.clients, *slow.clients], silence_s=seconds + 10)
     figure = found.figures() | {"queue_most": waiting, "rss_growth_kib": slow_growth, "others_p99_ms": rounded(late)}
-    passed = found.ok and waiting <= send_queue._MOST_WAITING + 1 and slow_growth < 4 * SLOW_CLIENT_KIB
+    passed = found.ok and waiting <= send_queue._MAX_WAITING + 1 and slow_growth < 4 * SLOW_CLIENT_KIB
     return FaultResult(9, "slow reader", 1, passed, figure)
 
 
@@ -168,7 +168,7 @@ def _backwards(client: RecordingClient) -> list[int]:
     return [later for earlier, later in pairwise(ticks) if later < earlier]
 
 
-class Stutterer(Game):
+class Stutterer(ClientGame):
     """Sends every input twice, some of them late, and old ones again."""
 
     async def act(self, socket: ClientConnection) -> None:

@@ -19,7 +19,7 @@ from tests.support.faults.fault_scenario import FaultResult, rounded
 from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import held_against, lateness_ms, p99
 from tests.support.faults.recording_client import RecordingClient
-from tests.support.faults.researcher import Researcher, account_for
+from tests.support.faults.researcher import FaultResearcher, account_for
 from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY, RealServer
 
@@ -62,7 +62,9 @@ async def clock_jumps(folder: Path, seconds: float) -> FaultResult:
             backwards = database.read_now(lambda connection: connection.execute(negative).scalar_one())
             rows = database.read_now(lambda connection: connection.execute(select(ticks.c.late_ms)).scalars().all())
     figure = found.figures() | {"negative_durations": backwards, "late_p99_ms": rounded(p99(rows))}
-    jumped_along = p99(rows) > JUMP_S * 1000 / 2  # timesteps that wait for the jumped clock; a busy machine is no fault
+    jumped_along = (
+        p99(rows) > JUMP_S * 1000 / 2
+    )  # timesteps that wait for the jumped clock; a busy machine is not a fault
     return FaultResult(25, "clock jumps by an hour", 3, found.ok and not backwards and not jumped_along, figure)
 
 
@@ -156,7 +158,7 @@ async def busy_dashboard(folder: Path, seconds: float, games: int, goal_ms: floa
         async with ClientGroup(server.url, games, idle=0.9) as group:
             await asyncio.sleep(seconds)
             calm, since_ms = lateness_ms(server.database), time.time() * 1000
-            async with Researcher(server.url) as researcher:
+            async with FaultResearcher(server.url) as researcher:
                 await researcher.watch("short", screens=20)
                 size = await researcher.export("short")
                 await asyncio.sleep(seconds)

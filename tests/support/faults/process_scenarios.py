@@ -224,9 +224,9 @@ async def _late_until(url: str, _killed: float) -> float:
 
 
 SOAK_STUDY = LONG_STUDY.replace("horizon: 10000", "horizon: 400")
-FEWEST_SAMPLES = 2  # one early, one late
-MAY_GROW = 0.1  # of its memory: what a server may hold more at the end of a soak than when its caches had filled
-WARM_S = 1200.0  # a database of some hundred megabytes fills SQLite's caches, 64 MiB a connection, in so long
+MIN_SAMPLES = 2  # one early, one late
+MAX_GROWTH = 0.1  # of its memory: what a server may hold more at the end of a soak than when its caches had filled
+WARM_S = 1200.0  # by then a database of some hundred megabytes has filled SQLite's caches, 64 MiB a connection
 
 
 async def soak(folder: Path, seconds: float, games: int) -> FaultResult:
@@ -241,7 +241,7 @@ async def soak(folder: Path, seconds: float, games: int) -> FaultResult:
         alone = await settled(server.pid)
         seats = [asyncio.create_task(_one_after_the_other(server.url, people, ends)) for _ in range(games)]
         await asyncio.sleep(min(30.0, seconds / 4))
-        while time.monotonic() < ends or len(samples) < FEWEST_SAMPLES:  # a busy machine is slow to get to a game
+        while time.monotonic() < ends or len(samples) < MIN_SAMPLES:  # a busy machine is slow to get to a game
             await _leaves_in_the_middle(server.url, people, min(5.0, seconds / 10))
             samples.append(_held_by(server.pid))
         await asyncio.gather(*seats)
@@ -258,7 +258,7 @@ async def soak(folder: Path, seconds: float, games: int) -> FaultResult:
     figure = found.figures() | {"seconds": seconds, "games": games, "participants": len(people)}
     figure |= {"walked_to_the_end": done, "descriptors_left": left, "grown_mib": rounded(grown_mib)}
     figure |= {"rss_mib": [round(one.rss_kib / 1024) for one in samples[:: len(samples) // 12 + 1]]}
-    passed = found.ok and left <= 0 and grown_mib <= MAY_GROW * rss_mib
+    passed = found.ok and left <= 0 and grown_mib <= MAX_GROWTH * rss_mib
     return FaultResult(28, "soak with people who come and go", len(people), passed, figure)
 
 

@@ -68,7 +68,7 @@ class ClientLog:
         return next((entry for entry in later if entry.kind == kind and detail in (None, entry.detail)), None)
 
 
-class Game:
+class ClientGame:
     """One game page: comes back as the browser's does, for as long as it takes."""
 
     def __init__(self, url: str, cookie: str, log: ClientLog, chance: random.Random, idle: float) -> None:
@@ -168,7 +168,7 @@ class Game:
         await socket.send(msgspec.json.encode(message).decode())
 
 
-class Page(HTMLParser):
+class ClientPage(HTMLParser):
     """What of a page a participant acts on: the form, the game, the completion code."""
 
     def __init__(self, text: str) -> None:
@@ -199,7 +199,7 @@ class RecordingClient:
 
     def __init__(self, base_url: str, study: str = "short", seed: int = 0) -> None:
         self.log, self.chance, self.idle = ClientLog(), random.Random(seed), 0.6
-        self.game_type: type[Game] = Game
+        self.game_type: type[ClientGame] = ClientGame
         self.base, self.study = base_url, study
         headers = {"Accept": "text/html", "Origin": base_url}
         self.http = httpx.AsyncClient(base_url=base_url, headers=headers, follow_redirects=True, timeout=60)
@@ -208,7 +208,7 @@ class RecordingClient:
     def cookie(self) -> str:
         return "; ".join(f"{name}={value}" for name, value in self.http.cookies.items())
 
-    def game(self) -> Game:
+    def game(self) -> ClientGame:
         url = f"ws{self.base.removeprefix('http')}/s/{self.study}/socket"
         return self.game_type(url, self.cookie, self.log, self.chance, self.idle)
 
@@ -231,12 +231,12 @@ class RecordingClient:
         self.log.code = page.code
         return page.code
 
-    async def submit(self, page: Page) -> Page:
+    async def submit(self, page: ClientPage) -> ClientPage:
         after = await self.ask("POST", f"/s/{self.study}/now", page.form)
         self.log.submitted.append(page.form["step"])
         return after
 
-    async def ask(self, method: str, path: str, form: dict[str, str] | None = None) -> Page:
+    async def ask(self, method: str, path: str, form: dict[str, str] | None = None) -> ClientPage:
         while True:
             try:
                 response = await self.http.request(method, path, data=form)
@@ -244,7 +244,7 @@ class RecordingClient:
                 await asyncio.sleep(0.1)
                 continue
             if response.status_code < 400:
-                return Page(response.text)
+                return ClientPage(response.text)
             assert response.status_code >= 500, f"{method} {path} gives {response.status_code}: {response.text[:300]}"
             self.log.errors.append(response.status_code)
             await asyncio.sleep(0.2)

@@ -16,16 +16,16 @@ from tests.support.real_server import ROOT, RealServer
 
 
 def account_for(server: RealServer) -> None:
-    """`ada` may sign in; the password is made and kept for `Researcher`."""
+    """`ada` may sign in; the password is made and kept for `FaultResearcher`."""
     line = [sys.executable, str(ROOT / "kitchenmind"), "admin", "create", "ada", "--role", "own"]
     environment = {**os.environ, "KITCHENMIND_DATABASE": server.database}
     made = subprocess.run(line, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
-    Researcher.password = re.search(r"password: (\S+)", made.stdout).group(1)  # type: ignore[union-attr]
+    FaultResearcher.password = re.search(r"password: (\S+)", made.stdout).group(1)  # type: ignore[union-attr]
 
 
-class Researcher:
-    """`async with Researcher(url) as ada:` signed in until the end of the block."""
+class FaultResearcher:
+    """`async with FaultResearcher(url) as ada:` signed in until the end of the block."""
 
     password = ""
 
@@ -33,7 +33,7 @@ class Researcher:
         self._url, self._stack = url, AsyncExitStack()
         self._client = httpx.AsyncClient(base_url=url, headers={"origin": url}, follow_redirects=True, timeout=120)
 
-    async def __aenter__(self) -> "Researcher":
+    async def __aenter__(self) -> "FaultResearcher":
         await self._post("/admin/login", "/admin/login", name="ada", password=self.password)
         await self._post("/admin", "/admin/blind", blind="off")
         return self

@@ -1,4 +1,4 @@
-"""Who may open which of the researchers' pages: signing in, roles, forms, guesses, blinding."""
+"""Access to the researchers' pages: signing in, roles, forms, guesses, blinding."""
 
 import json
 from urllib.parse import urlencode
@@ -10,11 +10,11 @@ from websockets.sync.client import connect
 
 from overcooked.constants import STAY
 from server.store import audit, decisions
-from tests.support.page_site import Site
+from tests.support.page_site import PageSite
 from tests.support.researcher_site import PASSWORD, ROLES, Researcher, needed, paths, played, signed_in
 
 
-def test_nothing_is_shown_or_done_without_signing_in(site: Site) -> None:
+def test_nothing_is_shown_or_done_without_signing_in(site: PageSite) -> None:
     episode = played(site)
     unknown_visitor = httpx.Client(base_url=site.url)
     site.clients.append(unknown_visitor)
@@ -28,7 +28,7 @@ def test_nothing_is_shown_or_done_without_signing_in(site: Site) -> None:
     assert site.database.read_now(audit.entries) == []
 
 
-def test_sockets_are_for_researchers_only(site: Site) -> None:
+def test_sockets_are_for_researchers_only(site: PageSite) -> None:
     episode = played(site)
     cookie = f"researcher={signed_in(site, 'watch').client.cookies['researcher']}"
     base = site.url.replace("http", "ws")
@@ -41,7 +41,7 @@ def test_sockets_are_for_researchers_only(site: Site) -> None:
 
 
 @pytest.mark.parametrize("role", ROLES)
-def test_every_address_requires_its_role(site: Site, role: str) -> None:
+def test_every_address_requires_its_role(site: PageSite, role: str) -> None:
     episode = played(site)
     researcher = signed_in(site, role)
     for method, path in paths(site, episode):
@@ -60,7 +60,7 @@ def test_every_address_requires_its_role(site: Site, role: str) -> None:
             assert answer.status_code == 403, f"{role}: {method} {path} gives {answer.status_code}"
 
 
-def test_a_form_that_was_not_made_for_the_session_changes_nothing(site: Site) -> None:
+def test_a_form_that_was_not_made_for_the_session_changes_nothing(site: PageSite) -> None:
     first, second = signed_in(site, "own"), signed_in(site, "own")
     first.get("/admin")
     second.get("/admin")
@@ -77,7 +77,7 @@ def test_a_form_that_was_not_made_for_the_session_changes_nothing(site: Site) ->
     assert site.database.read_now(decisions.paused_studies) == set()
 
 
-def test_the_cookie_is_for_our_own_pages_and_no_script_and_changes_with_every_sign_in(site: Site) -> None:
+def test_the_cookie_is_for_our_own_pages_and_no_script_and_changes_with_every_sign_in(site: PageSite) -> None:
     researcher = Researcher(site)
     researcher.client.follow_redirects = False
     answer = researcher.sign_in("act")
@@ -96,7 +96,7 @@ def test_the_cookie_is_for_our_own_pages_and_no_script_and_changes_with_every_si
     assert stale.status_code == 401
 
 
-def test_signing_out_ends_the_session_for_every_copy_of_the_cookie(site: Site) -> None:
+def test_signing_out_ends_the_session_for_every_copy_of_the_cookie(site: PageSite) -> None:
     researcher = signed_in(site, "watch")
     copy = researcher.client.cookies["researcher"]
     researcher.get("/admin")
@@ -104,7 +104,7 @@ def test_signing_out_ends_the_session_for_every_copy_of_the_cookie(site: Site) -
     assert httpx.get(f"{site.url}/admin", cookies={"researcher": copy}).status_code == 401
 
 
-def test_guessing_passwords_has_to_wait(site: Site) -> None:
+def test_guessing_passwords_has_to_wait(site: PageSite) -> None:
     guesser = Researcher(site)
     codes = [guesser.sign_in("own", f"guess number {n}").status_code for n in range(6)]
     assert codes == [401] * 5 + [429]
@@ -112,7 +112,7 @@ def test_guessing_passwords_has_to_wait(site: Site) -> None:
     assert Researcher(site).sign_in("nobody", "x").status_code == 401
 
 
-def test_after_signing_in_nobody_is_led_elsewhere(site: Site) -> None:
+def test_after_signing_in_nobody_is_led_elsewhere(site: PageSite) -> None:
     for target in ("https://evil.example/", "//evil.example/admin/", "/admin/../s/small", "/s/small"):
         researcher = Researcher(site)
         researcher.client.follow_redirects = False
@@ -122,7 +122,7 @@ def test_after_signing_in_nobody_is_led_elsewhere(site: Site) -> None:
         assert "evil" not in answer.headers["location"]
 
 
-def test_a_blinded_researcher_is_sent_neither_conditions_nor_marks(site: Site) -> None:
+def test_a_blinded_researcher_is_sent_neither_conditions_nor_marks(site: PageSite) -> None:
     episode = played(site)
     participant = site.only("small")
     researcher = signed_in(site, "own")

@@ -10,11 +10,11 @@ from overcooked.constants import STAY
 from server.monitoring.enrolment_flow import flow_of, stock
 from server.play.recorder import EpisodeResult, InputRecord, PauseRecord
 from server.store import audit, decisions, episodes, inputs, overview, participants
-from tests.support.page_site import Site, Visitor
+from tests.support.page_site import PageSite, Visitor
 from tests.support.researcher_site import played, signed_in
 
 
-def test_the_flow_begins_with_the_links_that_were_opened(site: Site) -> None:
+def test_the_flow_begins_with_the_links_that_were_opened(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.get("/s/small")
     form = visitor.fields("/consent")
@@ -34,7 +34,7 @@ def test_the_flow_begins_with_the_links_that_were_opened(site: Site) -> None:
     assert ElementTree.fromstring(diagram).tag.endswith("svg")
 
 
-def test_the_history_counts_people_and_samples_lateness(site: Site) -> None:
+def test_the_history_counts_people_and_samples_lateness(site: PageSite) -> None:
     for _ in range(3):
         Visitor(site).consent("small")
     first = site.everybody("small")[0].id
@@ -46,7 +46,7 @@ def test_the_history_counts_people_and_samples_lateness(site: Site) -> None:
     assert said["machine"] == {"at": [100], "games": [0], "p50_ms": [None], "p99_ms": [None]}
 
 
-def test_the_table_of_games_shows_what_the_rules_and_the_researcher_say(site: Site) -> None:
+def test_the_table_of_games_shows_proposals_and_exclusions(site: PageSite) -> None:
     episode = played(site, timesteps=60)
     participant = site.only("small")
     result = EpisodeResult(episode, "done", "horizon", 0, 0, 0.0, True, "0" * 16)
@@ -65,7 +65,7 @@ def test_the_table_of_games_shows_what_the_rules_and_the_researcher_say(site: Si
     assert '<span class="flag bad">drop</span>' in text
 
 
-def test_a_replay_says_whether_every_state_is_the_stored_one(site: Site) -> None:
+def test_a_replay_shows_whether_every_state_is_the_stored_one(site: PageSite) -> None:
     episode = played(site, timesteps=12)
     researcher = signed_in(site, "watch")
     record = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()
@@ -79,7 +79,7 @@ def test_a_replay_says_whether_every_state_is_the_stored_one(site: Site) -> None
     assert "timestep 7" in forged["difference"]
 
 
-def test_a_replay_has_every_input_at_its_timestep_with_what_became_of_it(site: Site) -> None:
+def test_a_replay_has_every_input_at_its_timestep_with_what_became_of_it(site: PageSite) -> None:
     episode = played(site)
     began = datetime(2026, 3, 1, tzinfo=UTC)
     site.database.write_now(episodes.pause, PauseRecord(episode, 9, "blur", began, 4000.0))
@@ -95,7 +95,7 @@ def test_a_replay_has_every_input_at_its_timestep_with_what_became_of_it(site: S
     ]
 
 
-def test_the_accuracy_of_a_replay_counts_what_was_done_in_the_timestep_predicted(site: Site) -> None:
+def test_the_accuracy_of_a_replay_counts_what_was_done_in_the_timestep_predicted(site: PageSite) -> None:
     episode = played(site, timesteps=12)
     researcher = signed_in(site, "act")
     researcher.get("/admin")
@@ -104,7 +104,7 @@ def test_the_accuracy_of_a_replay_counts_what_was_done_in_the_timestep_predicted
     assert [(step["share"], step["n"]) for step in steps] == [(1.0, 12), (0.0, 11), (1.0, 10)]
 
 
-def test_a_paused_study_lets_nobody_in_until_it_is_resumed(site: Site) -> None:
+def test_a_paused_study_lets_nobody_in_until_it_is_resumed(site: PageSite) -> None:
     waiting = Visitor(site)
     boxes = dict.fromkeys(re.findall(r'name="(box_\d+)"', waiting.get("/s/small").text), "yes")
     form = waiting.fields("/consent") | boxes
@@ -126,7 +126,7 @@ def test_a_paused_study_lets_nobody_in_until_it_is_resumed(site: Site) -> None:
     assert noted[1].detail == {"study": "small", "reason": "the room is dark"}
 
 
-def test_an_exclusion_needs_a_reason_is_audited_and_can_be_taken_back(site: Site) -> None:
+def test_an_exclusion_needs_a_reason_is_audited_and_can_be_taken_back(site: PageSite) -> None:
     episode = played(site)
     person = site.only("small").id
     researcher = signed_in(site, "act")
@@ -145,7 +145,7 @@ def test_an_exclusion_needs_a_reason_is_audited_and_can_be_taken_back(site: Site
     assert site.database.read_now(audit.first_forged) is None
 
 
-def test_a_freed_place_is_given_to_the_next(site: Site) -> None:
+def test_a_freed_place_is_given_to_the_next(site: PageSite) -> None:
     played(site)
     participant = site.only("small")
     researcher = signed_in(site, "act")
@@ -156,7 +156,7 @@ def test_a_freed_place_is_given_to_the_next(site: Site) -> None:
     assert "already ended" in researcher.post(f"{page}/release", note="again", next=page).text
 
 
-def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: Site) -> None:
+def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: PageSite) -> None:
     import io
     import zipfile
 
@@ -176,7 +176,7 @@ def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: Site
     assert "export" in [entry.action for entry in site.database.read_now(audit.entries)]
 
 
-def test_researchers_get_errors_in_their_own_pages(site: Site) -> None:
+def test_researchers_get_errors_in_their_own_pages(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     missing = researcher.get("/admin/s/nowhere")
     assert (missing.status_code, missing.text.count("There is no study &#39;nowhere&#39; here.")) == (404, 1)

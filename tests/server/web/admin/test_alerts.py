@@ -11,10 +11,10 @@ from server.monitoring.peers import Process, SingleProcess
 from server.play.lateness import LATELY_S, Lateness
 from server.store import events
 from server.store.tables import participants as participants_table
-from tests.support.page_site import Site, Visitor
+from tests.support.page_site import PageSite, Visitor
 
 
-def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_path: Path) -> None:
+def test_alerts_are_posted_when_they_begin_and_when_they_are_over(site: PageSite, tmp_path: Path) -> None:
     told: list[tuple[str, bool]] = []
     alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
     asyncio.run(alerts.look())
@@ -35,7 +35,7 @@ def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_
     assert told[-1] == ("late", True)
 
 
-def test_an_alert_reports_people_who_consent_and_do_nothing(site: Site, tmp_path: Path) -> None:
+def test_an_alert_reports_people_who_consent_and_do_nothing(site: PageSite, tmp_path: Path) -> None:
     alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
     for _ in range(invented_participants.FEWEST):
         Visitor(site).consent("small")
@@ -48,7 +48,7 @@ def test_an_alert_reports_people_who_consent_and_do_nothing(site: Site, tmp_path
     assert "have done nothing since" in str(alerts.shown("small")[0]["text"])
 
 
-def test_an_alert_tells_the_newest_figure_and_ends_when_no_tick_was_late_lately(site: Site, tmp_path: Path) -> None:
+def test_an_alert_has_the_newest_figure_and_ends_when_no_recent_tick_was_late(site: PageSite, tmp_path: Path) -> None:
     told: list[tuple[str, bool]] = []
     alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
     loop = site.services.live.games.loop
@@ -69,7 +69,7 @@ def test_an_alert_tells_the_newest_figure_and_ends_when_no_tick_was_late_lately(
     assert told == [("late", False), ("late", True)]
 
 
-def test_of_several_processes_one_tells_what_all_see(site: Site, tmp_path: Path) -> None:
+def test_of_several_processes_one_posts_the_alerts_of_all(site: PageSite, tmp_path: Path) -> None:
     class Several(SingleProcess):
         other = ""
 

@@ -13,7 +13,7 @@ from server.store.answers import SubmittedPage
 from server.store.data_view import PAGE_ROWS, TABLES, DataQuery, data_page
 from server.store.database import Database
 from server.web.admin import data_pages
-from tests.support.page_site import Site, Visitor
+from tests.support.page_site import PageSite, Visitor
 from tests.support.researcher_site import Researcher, signed_in
 from tests.support.researcher_site import site as admin_site
 
@@ -21,7 +21,7 @@ site = admin_site
 
 
 @pytest.fixture
-def researcher(site: Site) -> Researcher:
+def researcher(site: PageSite) -> Researcher:
     site.app.include_router(data_pages.router)
     site.use(replace(site.services, games=site.services.live.games))
     for number in range(3):
@@ -47,7 +47,7 @@ def unblind(researcher: Researcher) -> None:
     researcher.post("/admin/blind", blind="off", next="/admin/s/small/data")
 
 
-def answer(site: Site, **values: object) -> None:
+def answer(site: PageSite, **values: object) -> None:
     person = site.everybody("small")[0]
     site.database.write_now(answers.save, SubmittedPage(person.id, "page", dict(values), None, 12.0))
 
@@ -65,7 +65,7 @@ def test_blind_mode_hides_conditions_and_refuses_the_download(researcher: Resear
     assert "Condition" in cells(researcher)[0]
 
 
-def test_rows_are_filtered_and_sorted_by_the_database(researcher: Researcher, site: Site) -> None:
+def test_rows_are_filtered_and_sorted_by_the_database(researcher: Researcher, site: PageSite) -> None:
     head, *rows = cells(researcher, "?sort=-participant")
     assert [row[0] for row in rows] == ["P-003", "P-002", "P-001"]
     assert [row[head.index("Status")] for row in cells(researcher, "?contains=CTIVE&column=status")[1:]] == [
@@ -78,7 +78,7 @@ def test_rows_are_filtered_and_sorted_by_the_database(researcher: Researcher, si
     assert "person0" not in researcher.get("/admin/s/small/data?table=answers").text
 
 
-def test_the_download_has_what_is_seen_with_formulas_made_harmless(researcher: Researcher, site: Site) -> None:
+def test_the_download_has_what_is_seen_with_formulas_made_harmless(researcher: Researcher, site: PageSite) -> None:
     answer(site, words="=HYPERLINK(1)", mood=-4)
     unblind(researcher)
     researcher.get("/admin/s/small/data?table=answers")
@@ -93,7 +93,7 @@ def test_the_download_has_what_is_seen_with_formulas_made_harmless(researcher: R
     assert entry.detail == {"study": "small", "table": "answers", "filtered": True}
 
 
-def test_unknown_tables_and_other_roles_are_refused(researcher: Researcher, site: Site) -> None:
+def test_unknown_tables_and_other_roles_are_refused(researcher: Researcher, site: PageSite) -> None:
     assert researcher.get("/admin/s/small/data?table=admins").status_code == 404
     assert researcher.get("/admin/s/small/data?page=99999&table=episodes").status_code == 200
     watcher = signed_in(site, "watch")

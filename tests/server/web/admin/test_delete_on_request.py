@@ -5,11 +5,11 @@ from sqlalchemy import text as sql
 
 from server.store import audit, participants, tombstones
 from server.store.tables import RECRUITMENT_ID, metadata
-from tests.support.page_site import Site
+from tests.support.page_site import PageSite
 from tests.support.researcher_site import played, signed_in
 
 
-def everything(site: Site) -> str:
+def everything(site: PageSite) -> str:
     def read(connection) -> list[str]:  # type: ignore[no-untyped-def]
         return [str(connection.execute(sql(f"select * from {table.name}")).all()) for table in metadata.sorted_tables]
 
@@ -17,7 +17,7 @@ def everything(site: Site) -> str:
 
 
 @pytest.mark.parametrize("role", ["act", "own"])
-def test_a_researcher_with_the_role_act_deletes_a_participant_on_request(site: Site, role: str) -> None:
+def test_a_researcher_with_the_role_act_deletes_a_participant_on_request(site: PageSite, role: str) -> None:
     episode = played(site)
     person = site.only("small").id
     researcher = signed_in(site, role)
@@ -25,7 +25,7 @@ def test_a_researcher_with_the_role_act_deletes_a_participant_on_request(site: S
     assert "Delete on request" in page.text
     answer = researcher.post(f"/admin/s/small/person/{person}/delete", note="asked by mail", next="/admin")
     assert answer.url.path == "/admin/s/small"
-    assert "The participant is deleted." in answer.text
+    assert "The participant is deleted, which" in answer.text
     stored = everything(site)
     assert person not in stored
     assert episode not in stored
@@ -37,7 +37,7 @@ def test_a_researcher_with_the_role_act_deletes_a_participant_on_request(site: S
     assert researcher.get(f"/admin/s/small/person/{person}").status_code == 404
 
 
-def test_a_researcher_with_the_role_watch_can_neither_find_nor_delete_participants(site: Site) -> None:
+def test_a_researcher_with_the_role_watch_can_neither_find_nor_delete_participants(site: PageSite) -> None:
     played(site)
     person = site.only("small").id
     researcher = signed_in(site, "watch")
@@ -49,7 +49,7 @@ def test_a_researcher_with_the_role_watch_can_neither_find_nor_delete_participan
     assert site.only("small").id == person
 
 
-def test_a_deletion_needs_a_reason(site: Site) -> None:
+def test_a_deletion_needs_a_reason(site: PageSite) -> None:
     played(site)
     person = site.only("small").id
     researcher = signed_in(site, "own")
@@ -58,7 +58,7 @@ def test_a_deletion_needs_a_reason(site: Site) -> None:
     assert site.only("small").id == person
 
 
-def test_somebody_is_found_by_code_by_the_recruiter_s_id_and_by_id(site: Site) -> None:
+def test_somebody_is_found_by_code_by_the_recruiter_s_id_and_by_id(site: PageSite) -> None:
     played(site)
     me = site.only("small")
     site.database.write_now(participants.add_personal, me.id, me.study_id, RECRUITMENT_ID, "5f1e")

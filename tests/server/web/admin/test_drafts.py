@@ -16,11 +16,11 @@ from tests.support.draft_site import admin_site_fixture as admin_site_fixture
 from tests.support.draft_site import asked, begun, source
 from tests.support.draft_site import file as file
 from tests.support.draft_site import site as site
-from tests.support.page_site import Site, Visitor
+from tests.support.page_site import PageSite, Visitor
 from tests.support.researcher_site import signed_in
 
 
-def test_drafts_are_for_owners_only(site: Site) -> None:
+def test_drafts_are_for_owners_only(site: PageSite) -> None:
     draft = begun(site, signed_in(site, "own"))
     for role in ("watch", "act", None):
         visitor = signed_in(site, role) if role else Visitor(site)
@@ -41,7 +41,7 @@ def test_drafts_are_for_owners_only(site: Site) -> None:
     assert "Drafts" not in signed_in(site, "act").get("/admin").text
 
 
-def test_a_form_from_elsewhere_changes_no_draft(site: Site) -> None:
+def test_a_form_from_elsewhere_changes_no_draft(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     before = source(site, draft)
@@ -53,7 +53,7 @@ def test_a_form_from_elsewhere_changes_no_draft(site: Site) -> None:
     assert source(site, draft) == before
 
 
-def test_a_new_study_begins_from_a_template_with_its_own_name_title_and_seed(site: Site) -> None:
+def test_a_new_study_begins_from_a_template_with_its_own_name_title_and_seed(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     researcher.get("/admin/drafts/new")
     researcher.post("/admin/drafts", template="external_predictor", name="mine_1", title="My study: one")
@@ -67,7 +67,7 @@ def test_a_new_study_begins_from_a_template_with_its_own_name_title_and_seed(sit
 
 
 @pytest.mark.parametrize("name", ["", "Pilot", "small", "../x", "a" * 41])
-def test_a_name_that_cannot_be_used_is_refused_and_what_was_typed_stays(site: Site, name: str) -> None:
+def test_a_name_that_cannot_be_used_is_refused_and_what_was_typed_stays(site: PageSite, name: str) -> None:
     researcher = signed_in(site, "own")
     researcher.get("/admin/drafts/new")
     page = researcher.post("/admin/drafts", template="quick_look", name=name, title="My words")
@@ -76,7 +76,7 @@ def test_a_name_that_cannot_be_used_is_refused_and_what_was_typed_stays(site: Si
     assert site.database.read_now(study_drafts.every) == []
 
 
-def test_the_text_is_checked_with_the_words_of_the_loader_at_line_and_field(site: Site) -> None:
+def test_the_text_is_checked_with_the_words_of_the_loader_at_line_and_field(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     text = source(site, draft)
@@ -90,14 +90,14 @@ def test_the_text_is_checked_with_the_words_of_the_loader_at_line_and_field(site
     assert any("Did you mean 'seed'?" in one["text"] for one in view["problems"])
     _, view = asked(researcher, draft, "look", text="name: [")
     assert view["values"] is None
-    assert "this is no YAML" in view["problems"][0]["text"]
+    assert "this is not YAML" in view["problems"][0]["text"]
     unknown = text.replace("name: matrix", "name: matrx")
     _, view = asked(researcher, draft, "look", text=unknown)
     assert unknown != text
     assert any(one["path"][0] == "layouts" for one in view["problems"]), "kitchens are looked for too"
 
 
-def test_a_change_from_the_form_is_made_in_the_text(site: Site) -> None:
+def test_a_change_from_the_form_is_made_in_the_text(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     text = source(site, draft)
@@ -115,7 +115,7 @@ def test_a_change_from_the_form_is_made_in_the_text(site: Site) -> None:
     assert source(site, draft) == text, "looking stores nothing"
 
 
-def test_of_two_editors_of_the_same_draft_one_gets_both_texts(site: Site) -> None:
+def test_of_two_editors_of_the_same_draft_one_gets_both_texts(site: PageSite) -> None:
     mara, tab = signed_in(site, "own"), signed_in(site, "own")
     draft = begun(site, mara)
     tab.get(f"/admin/drafts/{draft}")
@@ -131,7 +131,7 @@ def test_of_two_editors_of_the_same_draft_one_gets_both_texts(site: Site) -> Non
     assert source(site, draft) == f"{text}# both\n"
 
 
-def test_changes_of_two_to_different_parts_become_one_text(site: Site) -> None:
+def test_changes_of_two_to_different_parts_become_one_text(site: PageSite) -> None:
     mara, tab = signed_in(site, "own"), signed_in(site, "own")
     draft = begun(site, mara)
     tab.get(f"/admin/drafts/{draft}")
@@ -147,7 +147,7 @@ def test_changes_of_two_to_different_parts_become_one_text(site: Site) -> None:
     assert not any(one.note == "set aside" for one in site.database.read_now(study_drafts.history, draft))
 
 
-def test_a_part_that_two_changed_is_a_conflict_of_this_part_alone(site: Site) -> None:
+def test_a_part_that_two_changed_is_a_conflict_of_this_part_alone(site: PageSite) -> None:
     mara, tab = signed_in(site, "own"), signed_in(site, "own")
     draft = begun(site, mara)
     tab.get(f"/admin/drafts/{draft}")
@@ -162,7 +162,7 @@ def test_a_part_that_two_changed_is_a_conflict_of_this_part_alone(site: Site) ->
     assert kept.source == mine
 
 
-def test_a_page_whose_last_answer_was_lost_has_no_conflict_with_itself(site: Site) -> None:
+def test_a_page_whose_last_answer_was_lost_has_no_conflict_with_itself(site: PageSite) -> None:
     tab = signed_in(site, "own")
     draft = begun(site, tab)
     text = source(site, draft)
@@ -174,7 +174,7 @@ def test_a_page_whose_last_answer_was_lost_has_no_conflict_with_itself(site: Sit
     assert (status, answer["text"]) == (200, f"{text.replace('seed: 1', 'seed: 2')}# better\n")
 
 
-def test_an_earlier_text_is_looked_at_and_restored(site: Site) -> None:
+def test_an_earlier_text_is_looked_at_and_restored(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     first = site.database.read_now(study_drafts.history, draft)[-1]

@@ -12,7 +12,7 @@ from overcooked.layout import load_layout
 from server.required_models import WEIGHTS
 from server.store import audit, kitchens
 from server.web.admin import kitchen_findings, kitchen_pages
-from tests.support.page_site import Site
+from tests.support.page_site import PageSite
 from tests.support.researcher_site import Researcher, signed_in
 from tests.support.researcher_site import site as admin_site
 
@@ -22,7 +22,7 @@ DICTIONARY = '{"grid": """XXPXX\n   O1 2O\n   X   X\n   XDXSX""", "start_order_l
 
 
 @pytest.fixture
-def owner(site: Site) -> Researcher:
+def owner(site: PageSite) -> Researcher:
     site.app.include_router(kitchen_pages.router)
     return signed_in(site, "own")
 
@@ -93,7 +93,7 @@ def test_a_file_of_overcooked_ai_is_read_and_another_rule_is_refused_with_its_re
     assert "cook_time = 5 is not supported" in refused["problems"][0]["text"].lower()
 
 
-def test_a_kitchen_is_saved_listed_and_changed_with_a_line_in_the_audit_log(owner: Researcher, site: Site) -> None:
+def test_a_kitchen_is_saved_listed_and_changed_with_a_line_in_the_audit_log(owner: Researcher, site: PageSite) -> None:
     assert ask(owner, "save", name="nook", grid=GRID, version="0").json() == {"name": "nook", "version": 1}
     assert ask(owner, "save", name="nook", grid=GRID.replace("1 2", "2 1"), version="1").json()["version"] == 2
     owner.client.headers["accept"] = "text/html"
@@ -103,7 +103,7 @@ def test_a_kitchen_is_saved_listed_and_changed_with_a_line_in_the_audit_log(owne
     assert noted == [("save kitchen", {"kitchen": "nook", "version": version}) for version in (1, 2)]
 
 
-def test_two_people_who_change_one_kitchen_see_the_conflict(owner: Researcher, site: Site) -> None:
+def test_two_people_who_change_one_kitchen_see_the_conflict(owner: Researcher, site: PageSite) -> None:
     ask(owner, "save", name="nook", grid=GRID, version="0")
     site.database.write_now(kitchens.save, "nook", GRID.replace("1 2", "2 1"), "ben", 1)
     refused = ask(owner, "save", name="nook", grid=GRID, version="1")
@@ -119,12 +119,12 @@ def test_two_people_who_change_one_kitchen_see_the_conflict(owner: Researcher, s
         ({"name": "matrix"}, "bundled kitchen"),
         ({"name": "random0"}, "bundled kitchen"),
         ({"grid": GRID.replace("P", "X")}, "there is no pot"),
-        ({"version": "-1"}, "lacks its version"),
+        ({"version": "-1"}, "no valid version"),
         ({"grid": "X" * 30_000}, "at most"),
     ],
 )
-def test_what_cannot_be_saved_is_refused_with_its_reason(
-    owner: Researcher, site: Site, fields: dict[str, str], reason: str
+def test_an_invalid_kitchen_is_refused_with_its_reason(
+    owner: Researcher, site: PageSite, fields: dict[str, str], reason: str
 ) -> None:
     refused = ask(owner, "save", **({"name": "nook", "grid": GRID, "version": "0"} | fields))
     assert refused.status_code == 400
@@ -133,7 +133,7 @@ def test_what_cannot_be_saved_is_refused_with_its_reason(
 
 
 def test_a_kitchen_in_which_a_served_study_plays_is_neither_changed_nor_removed(
-    owner: Researcher, site: Site, monkeypatch: pytest.MonkeyPatch
+    owner: Researcher, site: PageSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ask(owner, "save", name="nook", grid=GRID, version="0")
     number, study = site.studies.open("small") or (0, None)
@@ -170,7 +170,7 @@ def test_planners_play_a_kitchen_in_another_process_and_the_result_is_kept(
 
 
 @pytest.mark.parametrize("role", ["watch", "act"])
-def test_others_than_owners_see_no_kitchens(site: Site, role: str) -> None:
+def test_others_than_owners_see_no_kitchens(site: PageSite, role: str) -> None:
     site.app.include_router(kitchen_pages.router)
     visitor = signed_in(site, role)
     assert visitor.get("/admin/kitchens").status_code == 403

@@ -11,7 +11,7 @@ from server.settings import ROOT
 from server.web.admin.live_boards import converse
 
 
-class Page:
+class SilentSocket:
     """A socket whose page says nothing, until it goes."""
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ async def test_a_fault_in_the_news_closes_the_socket_and_is_logged(caplog: pytes
     async def tell() -> None:
         raise KeyError("a figure")
 
-    page = Page()
+    page = SilentSocket()
     async with asyncio.timeout(20):
         await converse(page, tell(), ignore)  # type: ignore[arg-type]
     assert page.codes[0] == CloseCode.FAILED
@@ -41,7 +41,7 @@ async def test_a_fault_in_the_news_closes_the_socket_and_is_logged(caplog: pytes
 
 
 async def test_a_page_that_goes_ends_the_news() -> None:
-    page, began, over = Page(), asyncio.Event(), asyncio.Event()
+    page, began, over = SilentSocket(), asyncio.Event(), asyncio.Event()
 
     async def tell() -> None:
         began.set()

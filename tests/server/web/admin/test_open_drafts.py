@@ -22,11 +22,11 @@ from tests.support.draft_site import admin_site_fixture as admin_site_fixture
 from tests.support.draft_site import asked, begun, opened, source, versions_of
 from tests.support.draft_site import file as file
 from tests.support.draft_site import site as site
-from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.page_site import SMALL_STUDY, PageSite, Visitor
 from tests.support.researcher_site import signed_in
 
 
-def test_a_study_is_opened_taken_part_in_changed_and_closed(site: Site, file: Path) -> None:
+def test_a_study_is_opened_taken_part_in_changed_and_closed(site: PageSite, file: Path) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     assert Visitor(site).get("/s/pilot").status_code == 404
@@ -61,7 +61,7 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: Site, file: Pa
     assert ">Closed</span>" in researcher.get("/admin/s/pilot").text
 
 
-def test_pausing_and_resuming_from_a_draft_leads_back_to_it(site: Site) -> None:
+def test_pausing_and_resuming_from_a_draft_leads_back_to_it(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     opened(researcher, draft, 2)
@@ -71,7 +71,7 @@ def test_pausing_and_resuming_from_a_draft_leads_back_to_it(site: Site) -> None:
         assert said in page.text
 
 
-def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid(site: Site) -> None:
+def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid(site: PageSite) -> None:
     researcher, grid = signed_in(site, "own"), "XXPXX\nO1 2O\nX   X\nXDXSX"
     draft = begun(site, researcher)
     text = source(site, draft).replace("{name: coordination_ring,", "{name: nook,")
@@ -90,7 +90,7 @@ def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid
 
 
 def test_a_draft_may_name_models_that_were_trained_here_and_its_version_keeps_them(
-    site: Site, file: Path, tmp_path: Path
+    site: PageSite, file: Path, tmp_path: Path
 ) -> None:
     researcher, ring, models = signed_in(site, "own"), WEIGHTS / "coordination_ring", tmp_path / "models" / "nook"
     draft = begun(site, researcher)
@@ -127,7 +127,7 @@ def test_a_draft_may_name_models_that_were_trained_here_and_its_version_keeps_th
 
 
 def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_the_study_s_page(
-    site: Site, tmp_path: Path
+    site: PageSite, tmp_path: Path
 ) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
@@ -152,7 +152,7 @@ def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_
     assert command in page
 
 
-def test_an_open_study_is_served_after_a_restart_and_by_another_process(site: Site, file: Path) -> None:
+def test_an_open_study_is_served_after_a_restart_and_by_another_process(site: PageSite, file: Path) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     opened(researcher, draft, 2)
@@ -185,18 +185,18 @@ def test_an_open_study_is_served_after_a_restart_and_by_another_process(site: Si
     assert "pilot" not in asyncio.run(started()).names()
 
 
-def test_a_faulty_study_and_one_that_has_changed_are_not_opened(site: Site) -> None:
+def test_a_faulty_study_and_one_that_has_changed_are_not_opened(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     text = source(site, draft)
     assert "somebody else has changed" in opened(researcher, draft, 1)
     asked(researcher, draft, "save", text=text.replace("seed: 11", "sed: 11"), revision="2")
-    assert "correct what the list of problems says" in opened(researcher, draft, 3)
+    assert "correct the listed problems first" in opened(researcher, draft, 3)
     assert site.studies.open("pilot") is None
 
 
 @pytest.mark.parametrize("model", ["os:system", "http://10.0.0.1/agent", "../secret.onnx", "../other/agent"])
-def test_a_draft_names_no_file_class_or_address_of_the_server(site: Site, model: str) -> None:
+def test_a_draft_names_no_file_class_or_address_of_the_server(site: PageSite, model: str) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     text = source(site, draft)
@@ -205,14 +205,14 @@ def test_a_draft_names_no_file_class_or_address_of_the_server(site: Site, model:
     _, view = asked(researcher, draft, "look", text=changed)
     assert any("Name a bundled agent" in one["text"] for one in view["problems"]), view["problems"]
     asked(researcher, draft, "save", text=changed, revision="2")
-    assert "correct what the list of problems says" in opened(researcher, draft, 3)
+    assert "correct the listed problems first" in opened(researcher, draft, 3)
     rehearsed = researcher.post(f"/admin/drafts/{draft}/bots", number="1")
-    assert "correct what the list of problems says" in rehearsed.text, "its bots would load the model"
+    assert "correct the listed problems first" in rehearsed.text, "its bots would load the model"
     assert site.services.rehearsals.of(draft) is None
 
 
 @pytest.mark.parametrize("number", ["0", "41", "00062000", "1" * 5000, "-1", "x"])
-def test_a_rehearsal_has_at_most_forty_bots(site: Site, number: str) -> None:
+def test_a_rehearsal_has_at_most_forty_bots(site: PageSite, number: str) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     assert researcher.post(f"/admin/drafts/{draft}/bots", number=number).status_code == 400
@@ -220,7 +220,7 @@ def test_a_rehearsal_has_at_most_forty_bots(site: Site, number: str) -> None:
 
 
 def test_a_name_that_was_taken_while_the_models_were_loaded_stays_with_the_first(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     researcher = signed_in(site, "own")
     one, two = begun(site, researcher), begun(site, researcher, name="other")
@@ -230,18 +230,18 @@ def test_a_name_that_was_taken_while_the_models_were_loaded_stays_with_the_first
     monkeypatch.setattr(study_openings, "is_taken", lambda connection, *names: False)  # the first look
     prepare = site.services.versions.prepare_draft
 
-    async def meanwhile(database: Database, file: Any) -> Any:
+    async def saved_in_between(database: Database, file: Any) -> Any:
         made = await prepare(database, file)
         database.write_now(study_openings.open_study, ("pilot", made[1]), (one, 2), "ben")
         monkeypatch.setattr(study_openings, "is_taken", taken)
         return made
 
-    monkeypatch.setattr(site.services.versions, "prepare_draft", meanwhile)
+    monkeypatch.setattr(site.services.versions, "prepare_draft", saved_in_between)
     assert "another draft with this name is open" in opened(researcher, two, 3)
     assert site.database.read_now(study_openings.newest)["pilot"].draft_id == one
 
 
-def test_an_open_study_is_closed_before_its_draft_is_deleted(site: Site) -> None:
+def test_an_open_study_is_closed_before_its_draft_is_deleted(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     opened(researcher, draft, 2)
@@ -251,8 +251,8 @@ def test_an_open_study_is_closed_before_its_draft_is_deleted(site: Site) -> None
     assert researcher.get(f"/admin/drafts/{draft}").status_code == 404
 
 
-def test_bots_walk_through_a_draft_and_the_audit_log_says_how_it_went(
-    site: Site, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_bots_take_part_in_a_draft_and_the_audit_log_has_the_outcome(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     outcome = {"started": 4, "completed": 3, "dropped": 1, "by_condition": {"with": 3}, "episodes": 9}
     program = tmp_path / "program.py"
@@ -274,18 +274,18 @@ def test_bots_walk_through_a_draft_and_the_audit_log_says_how_it_went(
     assert "participants are playing" in researcher.post(f"/admin/drafts/{draft}/bots", number="4").text
 
 
-def test_the_name_of_a_study_from_a_file_stays_with_the_file(site: Site) -> None:
+def test_the_name_of_a_study_from_a_file_stays_with_the_file(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     before = site.studies.open("small")
     asked(researcher, draft, "save", text=SMALL_STUDY.replace("seed: 11", "seed: 13"), revision="2")
     _, view = asked(researcher, draft, "look", text=SMALL_STUDY)
     assert [(one["path"], one["line"]) for one in view["problems"]] == [(["name"], 2)]
-    assert "correct what the list of problems says" in opened(researcher, draft, 3)
+    assert "correct the listed problems first" in opened(researcher, draft, 3)
     assert site.studies.open("small") == before
 
 
-def test_an_answer_is_told_from_a_text_that_is_too_long(site: Site) -> None:
+def test_an_answer_is_extracted_from_a_text_that_is_too_long(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     status, answer = asked(researcher, draft, "save", text="x" * 300_001, revision="2")

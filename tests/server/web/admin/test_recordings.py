@@ -10,7 +10,7 @@ from overcooked.layout import load_layout
 from overcooked.trajectory import write_trajectories
 from server.web.admin import opened_games_page
 from server.web.admin.opened_games_page import TOKEN_HEADER
-from tests.support.page_site import Site
+from tests.support.page_site import PageSite
 from tests.support.researcher_site import Researcher, signed_in
 from tests.support.researcher_site import site as admin_site
 
@@ -19,7 +19,7 @@ PEOPLE = Path(__file__).parents[3] / "data" / "forced_coordination_train.jsonl.g
 
 
 @pytest.fixture
-def watcher(site: Site) -> Researcher:
+def watcher(site: PageSite) -> Researcher:
     site.app.include_router(opened_games_page.router)
     return signed_in(site, "watch")
 

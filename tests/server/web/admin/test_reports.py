@@ -1,4 +1,4 @@
-"""The report from the dashboard: made in a process of its own, kept, opened under a strict policy, downloaded."""
+"""The report from the dashboard: made in a separate process, kept, opened under a strict policy, downloaded."""
 
 import asyncio
 import base64
@@ -23,18 +23,18 @@ from server.monitoring.report_making import StudyReports
 from server.store import audit, participants, study_reports
 from server.store.withdrawal import withdraw
 from server.web.admin import report_pages
-from tests.support.page_site import Site
+from tests.support.page_site import PageSite
 from tests.support.researcher_site import Researcher, signed_in
 from tests.support.researcher_site import site as admin_site
 from tests.support.study_data import fill
 
 admin_site_fixture = admin_site
-WITHIN_S = 240
+TIMEOUT_S = 240
 BASE = "/admin/s/small"
 
 
 @pytest.fixture
-def site(admin_site_fixture: Site) -> Site:
+def site(admin_site_fixture: PageSite) -> PageSite:
     made = admin_site_fixture
     reports = StudyReports(made.database, str(made.services.settings.database), AsyncExitStack())
     made.use(replace(made.services, reports=reports))
@@ -53,7 +53,7 @@ def people_and_a_bot(connection: Connection) -> str:
     return found[0].id
 
 
-def seeing(site: Site, name: str = "act") -> Researcher:
+def seeing(site: PageSite, name: str = "act") -> Researcher:
     """Signed in, with blind mode off."""
     researcher = signed_in(site, name)
     researcher.get(BASE)
@@ -70,14 +70,14 @@ def state(researcher: Researcher) -> dict[str, Any]:
 
 def ended(researcher: Researcher) -> dict[str, Any]:
     """The state when nothing is being made any more."""
-    until = time.monotonic() + WITHIN_S
+    until = time.monotonic() + TIMEOUT_S
     while (found := state(researcher))["stage"]:
         assert time.monotonic() < until, found
         time.sleep(0.1)
     return found
 
 
-def test_a_report_is_made_of_people_only_kept_opened_and_downloaded(site: Site) -> None:
+def test_a_report_is_made_of_people_only_kept_opened_and_downloaded(site: PageSite) -> None:
     person = site.database.write_now(people_and_a_bot)
     researcher = seeing(site)
     assert state(researcher) == {"stage": "", "failure": "", "kept": None, "missing": ""}
@@ -117,7 +117,7 @@ def check_policy(policy: str, page: str) -> None:
     assert rules["frame-ancestors"] == rules["form-action"] == rules["base-uri"] == ["'none'"]
 
 
-def test_data_without_a_report_are_a_failure_with_its_reason(site: Site) -> None:
+def test_data_without_a_report_are_a_failure_with_its_reason(site: PageSite) -> None:
     researcher = seeing(site)
     researcher.post(f"{BASE}/report")
     found = ended(researcher)
@@ -126,7 +126,7 @@ def test_data_without_a_report_are_a_failure_with_its_reason(site: Site) -> None
     assert "Traceback" not in found["failure"]
 
 
-def test_a_report_is_for_those_who_may_export_and_not_in_blind_mode(site: Site) -> None:
+def test_a_report_is_for_those_who_may_export_and_not_in_blind_mode(site: PageSite) -> None:
     for name, status in (("watch", 403), ("act", 409)):
         researcher = signed_in(site, name)
         page = researcher.get(BASE).text
@@ -142,7 +142,7 @@ def test_a_report_is_for_those_who_may_export_and_not_in_blind_mode(site: Site) 
 
 
 def test_where_packages_are_missing_the_command_that_installs_them_is_shown(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(report_making, "find_spec", lambda name: None)
     researcher = seeing(site)
@@ -153,7 +153,7 @@ def test_where_packages_are_missing_the_command_that_installs_them_is_shown(
 
 
 def test_a_process_that_says_nothing_is_known_to_run_and_ends_with_the_server(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[subprocess.Popen[bytes]] = []
 

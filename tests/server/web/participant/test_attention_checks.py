@@ -15,7 +15,7 @@ from server.export.writer import export
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.store import answers, events, overview, participants
 from server.study.loader import StudyError, parse_study
-from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, PageSite, Visitor
 
 AFTER = "      - {key: marks, type: scale, conditions: with_predictor"
 CHECKED_AFTER = (
@@ -30,18 +30,18 @@ WRONG = EVERYTHING | {"check": "7"}
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("attention"), FREE, STRICT) as running:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
+    with PageSite(tmp_path_factory.mktemp("attention"), FREE, STRICT) as running:
         yield running
 
 
-def after_the_first_episode(site: Site, name: str, awake: str, everything: dict[str, str | list[str]]) -> Visitor:
+def after_the_first_episode(site: PageSite, name: str, awake: str, everything: dict[str, str | list[str]]) -> Visitor:
     """Somebody who has answered the first page so, and `awake` after the first episode."""
     visitor = Visitor(site)
     visitor.consent(name)
     visitor.submit(name, **everything)
     me = site.everybody(name)[-1]
-    keys = [step.key for step in site.studies.way(me)]
+    keys = [step.key for step in site.studies.steps_of(me)]
     site.database.write_now(participants.advance, me.id, 1, keys.index("episode-01"))
     site.end_game(me)
     visitor.get(f"/s/{name}/now")
@@ -50,14 +50,14 @@ def after_the_first_episode(site: Site, name: str, awake: str, everything: dict[
     return visitor
 
 
-def test_every_check_is_stored_as_passed_or_failed(site: Site) -> None:
+def test_every_check_is_stored_as_passed_or_failed(site: PageSite) -> None:
     after_the_first_episode(site, "small", "1", WRONG)
     me = site.everybody("small")[-1]
     assert site.step(me).key == "ready-02", "nobody is screened out unless the study says so"
     assert site.database.read_now(answers.attention_of, me.id) == answers.AttentionCount(answered=2, failed=1)
 
 
-def test_failing_as_many_checks_as_the_study_allows_screens_out(site: Site) -> None:
+def test_failing_as_many_checks_as_the_study_allows_screens_out(site: PageSite) -> None:
     once = after_the_first_episode(site, "strict", "1", WRONG)
     assert site.step(site.everybody("strict")[-1]).key == "ready-02"
     assert "Round 2" in once.get("/s/strict/now").text
@@ -68,7 +68,7 @@ def test_failing_as_many_checks_as_the_study_allows_screens_out(site: Site) -> N
     assert "Some questions asked you to choose a certain answer" in page
     assert "KM-OUT" in page
     bot = Bot("http://127.0.0.1", "strict", 1)
-    journal = asyncio.run(bot.walk_from(ParsedPage(page)))
+    journal = asyncio.run(bot.continue_from(ParsedPage(page)))
     assert (bot.dropped, journal.code, journal.violations) == (True, None, []), "no fault of the server, no completion"
     said = site.database.read_now(answers.of_participant, me.id)
     assert said["after-01"]["awake"] == 7, "the answers stay"
@@ -76,7 +76,7 @@ def test_failing_as_many_checks_as_the_study_allows_screens_out(site: Site) -> N
     assert noted.detail == {"failed": 2, "answered": 2}
 
 
-def test_page_that_is_sent_again_changes_nothing(site: Site) -> None:
+def test_page_that_is_sent_again_changes_nothing(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("strict")
     page = visitor.page
@@ -88,7 +88,7 @@ def test_page_that_is_sent_again_changes_nothing(site: Site) -> None:
     assert site.database.read_now(answers.attention_of, me.id).failed == 1
 
 
-def test_flow_counts_people_screened_out_by_checks_and_people_who_failed_one(site: Site) -> None:
+def test_flow_counts_people_screened_out_by_checks_and_people_who_failed_one(site: PageSite) -> None:
     found = site.studies.open("strict")
     assert found is not None
     study_id, study = found
@@ -112,7 +112,7 @@ def test_flow_counts_people_screened_out_by_checks_and_people_who_failed_one(sit
     assert (visitor.page.status_code, stays.page.status_code) == (200, 200)
 
 
-def test_export_has_the_checks_and_the_analysis_leaves_them_out_of_its_measures(site: Site, tmp_path: Path) -> None:
+def test_export_has_the_checks_and_the_analysis_leaves_them_out_of_its_measures(site: PageSite, tmp_path: Path) -> None:
     after_the_first_episode(site, "small", "7", WRONG)
     me = site.everybody("small")[-1]
     site.database.read_now(export, tmp_path / "data", ("csv", "parquet"), "small")

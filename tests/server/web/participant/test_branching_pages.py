@@ -9,17 +9,17 @@ import pytest
 import kitchenmind
 from server.export.writer import export
 from server.store import answers, events, participants
-from tests.support.page_site import EVERYTHING, Site, Visitor
+from tests.support.page_site import EVERYTHING, PageSite, Visitor
 from tests.support.study_text import BRANCHED
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("site"), BRANCHED) as running:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
+    with PageSite(tmp_path_factory.mktemp("site"), BRANCHED) as running:
         yield running
 
 
-def arrived(site: Site, **said: str) -> tuple[Visitor, str]:
+def arrived(site: PageSite, **said: str) -> tuple[Visitor, str]:
     """Somebody who has sent the first page with these answers."""
     visitor = Visitor(site)
     visitor.consent("small")
@@ -27,18 +27,18 @@ def arrived(site: Site, **said: str) -> tuple[Visitor, str]:
     return visitor, site.everybody("small")[-1].id
 
 
-def events_of(site: Site, person: str) -> list[dict[str, object]]:
+def events_of(site: PageSite, person: str) -> list[dict[str, object]]:
     found = site.database.read_now(events.of_participant, person, "not_asked")
     return [dict(one.detail) for one in found]
 
 
-def at(site: Site, person: str) -> str:
+def at(site: PageSite, person: str) -> str:
     participant = site.database.read_now(participants.get, person)
     assert participant is not None
     return site.step(participant).key
 
 
-def test_a_page_comes_only_after_its_answer_and_a_question_on_it_too(site: Site) -> None:
+def test_a_page_comes_only_after_its_answer_and_a_question_on_it_too(site: PageSite) -> None:
     visitor, person = arrived(site, mood="7", pick="tea")
     assert at(site, person) == "more"
     assert ('name="sweet"' in visitor.page.text, 'name="sugar"' in visitor.page.text) == (True, False)
@@ -50,7 +50,7 @@ def test_a_page_comes_only_after_its_answer_and_a_question_on_it_too(site: Site)
     assert events_of(site, person) == [{"step": "more", "questions": ["sugar"]}]
 
 
-def test_a_page_without_its_answer_is_passed_over_also_with_back_and_reload(site: Site) -> None:
+def test_a_page_without_its_answer_is_passed_over_also_with_back_and_reload(site: PageSite) -> None:
     visitor, person = arrived(site, mood="3", pick="milk")
     assert at(site, person) == "introduction"
     assert events_of(site, person) == [{"step": "more", "questions": ["sweet", "sugar"]}]
@@ -62,12 +62,12 @@ def test_a_page_without_its_answer_is_passed_over_also_with_back_and_reload(site
     assert len(events_of(site, person)) == 1, "coming back notes nothing twice"
 
 
-def test_everybody_reaches_the_end_and_the_export_says_what_was_not_asked(site: Site, tmp_path: Path) -> None:
+def test_everybody_reaches_the_end_and_the_export_lists_what_was_not_asked(site: PageSite, tmp_path: Path) -> None:
     for pick, shown in (("milk", True), ("tea", False)):
         _, person = arrived(site, mood="7", pick=pick)
         me = site.database.read_now(participants.get, person)
         assert me is not None
-        keys = [step.key for step in site.studies.way(me)]
+        keys = [step.key for step in site.studies.steps_of(me)]
         last = keys.index("after-04")
         site.database.write_now(participants.advance, person, me.position, last)
         visitor = Visitor(site)

@@ -7,11 +7,11 @@ import pytest
 from sqlalchemy import text as sql
 
 from server.store import participants
-from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.page_site import SMALL_STUDY, PageSite, Visitor
 from tests.support.small_site import LINK, rows
 
 
-def test_start_page_offers_the_studies(site: Site) -> None:
+def test_start_page_offers_the_studies(site: PageSite) -> None:
     page = Visitor(site).get("/")
     assert page.status_code == 200
     assert 'href="/s/small?lang=en"' in page.text
@@ -19,11 +19,11 @@ def test_start_page_offers_the_studies(site: Site) -> None:
 
 @pytest.mark.parametrize(("minutes", "said"), [(1, "About 1 minute<"), (2, "About 2 minutes<")])
 def test_start_page_counts_minutes_as_people_do(tmp_path: Path, minutes: int, said: str) -> None:
-    with Site(tmp_path, re.sub(r"duration_min: \d+", f"duration_min: {minutes}", SMALL_STUDY)) as site:
+    with PageSite(tmp_path, re.sub(r"duration_min: \d+", f"duration_min: {minutes}", SMALL_STUDY)) as site:
         assert said in Visitor(site).get("/").text
 
 
-def test_nothing_is_stored_and_no_cookie_is_set_before_consent(site: Site) -> None:
+def test_nothing_is_stored_and_no_cookie_is_set_before_consent(site: PageSite) -> None:
     before = rows(site)
     visitor = Visitor(site)
     for path in ("/", "/s/small", "/s/small/now", "/s/small/unsuitable", "/s/small/declined", "/s/small/withdraw"):
@@ -34,7 +34,7 @@ def test_nothing_is_stored_and_no_cookie_is_set_before_consent(site: Site) -> No
     assert not visitor.client.cookies
 
 
-def test_consent_makes_one_participant_with_a_guarded_cookie(site: Site) -> None:
+def test_consent_makes_one_participant_with_a_protected_cookie(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.get("/s/small")
     fields = visitor.fields("/consent") | {"box_0": "yes"}
@@ -50,7 +50,7 @@ def test_consent_makes_one_participant_with_a_guarded_cookie(site: Site) -> None
     assert stored == participants.token_hash(token) != token
 
 
-def test_consent_page_sent_twice_makes_one_participant(site: Site) -> None:
+def test_consent_page_sent_twice_makes_one_participant(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.get("/s/small")
     fields = visitor.fields("/consent") | {"box_0": "yes"}
@@ -60,7 +60,7 @@ def test_consent_page_sent_twice_makes_one_participant(site: Site) -> None:
     assert len(site.everybody("small")) == 1
 
 
-def test_consent_page_sent_again_after_its_answer_was_lost_leads_on(site: Site) -> None:
+def test_consent_page_sent_again_after_its_answer_was_lost_continues(site: PageSite) -> None:
     """The response set the cookie, then the connection broke: the page in the browser is older than the cookie."""
     visitor = Visitor(site)
     visitor.get("/s/small")
@@ -74,7 +74,7 @@ def test_consent_page_sent_again_after_its_answer_was_lost_leads_on(site: Site) 
     assert visitor.client.post("/s/small/consent", data=another.fields("/consent")).status_code == 403
 
 
-def test_consent_without_every_box_is_refused_and_stores_nothing(site: Site) -> None:
+def test_consent_without_every_box_is_refused_and_stores_nothing(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.get("/s/small")
     answer = visitor.send("/s/small/consent", visitor.fields("/consent"))

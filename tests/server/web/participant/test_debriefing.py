@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from server.store.tables import participants as table
-from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.page_site import SMALL_STUDY, PageSite, Visitor
 
 WORDS = "wrong on purpose"
 
@@ -19,13 +19,13 @@ def study(predictor: str) -> str:
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with Site(tmp_path, study("misleading"), study("tom")) as running:
+def site(tmp_path: Path) -> Iterator[PageSite]:
+    with PageSite(tmp_path, study("misleading"), study("tom")) as running:
         yield running
 
 
 @pytest.mark.parametrize(("name", "told"), [("misleading", True), ("tom", False)])
-def test_participants_whose_participation_ends_early_read_the_debriefing(site: Site, name: str, told: bool) -> None:
+def test_participants_whose_participation_ends_early_read_the_debriefing(site: PageSite, name: str, told: bool) -> None:
     visitor = Visitor(site)
     visitor.consent(name)
     ended = {"status": "timed_out"}
@@ -34,7 +34,7 @@ def test_participants_whose_participation_ends_early_read_the_debriefing(site: S
 
 
 @pytest.mark.parametrize(("name", "told"), [("misleading", True), ("tom", False)])
-def test_withdrawing_participants_read_it_too_and_are_deleted(site: Site, name: str, told: bool) -> None:
+def test_withdrawing_participants_read_it_too_and_are_deleted(site: PageSite, name: str, told: bool) -> None:
     visitor = Visitor(site)
     visitor.consent(name)
     visitor.get(f"/s/{name}/withdraw")

@@ -19,7 +19,7 @@ from server.store.tables import attempts
 from server.store.tables import participants as table
 from server.web.client_address import address_of
 from server.web.rate_limits import NewPlaces
-from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, PageSite, Visitor
 
 ONE_EACH = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
     "predictor: tom}", "predictor: tom, quota: 1}"
@@ -29,23 +29,23 @@ SECRET = b"a secret of this test"
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with Site(tmp_path, ONE_EACH, SMALL_STUDY.replace("name: small", "name: wide", 1)) as running:
+def site(tmp_path: Path) -> Iterator[PageSite]:
+    with PageSite(tmp_path, ONE_EACH, SMALL_STUDY.replace("name: small", "name: wide", 1)) as running:
         yield running
 
 
-def consented_ago(site: Site, minutes: float) -> None:
+def consented_ago(site: PageSite, minutes: float) -> None:
     at = datetime.now(UTC) - timedelta(minutes=minutes)
     values = {"started_at": at, "last_seen_at": datetime.now(UTC)}  # a client that keeps asking for its page
     site.database.write_now(lambda connection: connection.execute(table.update().values(values)))
 
 
-def limit(site: Site, an_hour: int) -> None:
+def limit(site: PageSite, an_hour: int) -> None:
     web = replace(site.services.web, places=NewPlaces(an_hour, SECRET, counts_local=True))
     site.use(replace(site.services, web=web))
 
 
-def test_one_address_brings_so_many_new_people_and_no_more(site: Site) -> None:
+def test_one_address_brings_so_many_new_people_and_no_more(site: PageSite) -> None:
     limit(site, 3)
     statuses = [Visitor(site).consent("wide").status_code for _ in range(5)]
     assert statuses == [200, 200, 200, 429, 429]
@@ -55,7 +55,7 @@ def test_one_address_brings_so_many_new_people_and_no_more(site: Site) -> None:
     assert page.headers["retry-after"]
 
 
-def test_an_existing_participant_needs_no_new_place(site: Site) -> None:
+def test_an_existing_participant_needs_no_new_place(site: PageSite) -> None:
     limit(site, 2)
     known = Visitor(site)
     known.get("/s/wide")
@@ -68,7 +68,7 @@ def test_an_existing_participant_needs_no_new_place(site: Site) -> None:
     assert known.get("/s/wide/now").status_code == 200
 
 
-def test_a_place_that_came_to_nothing_is_given_back(site: Site) -> None:
+def test_a_place_that_came_to_nothing_is_given_back(site: PageSite) -> None:
     limit(site, 3)
     for _ in range(2):
         Visitor(site).consent("small")
@@ -93,7 +93,7 @@ def brought(database: Database, places: NewPlaces, address: str, at: datetime) -
     return True
 
 
-def test_a_place_comes_back_with_time_and_not_before(site: Site) -> None:
+def test_a_place_comes_back_with_time_and_not_before(site: PageSite) -> None:
     places, database, now = NewPlaces(6, SECRET), site.database, datetime.now(UTC)
     assert [brought(database, places, "192.0.2.1", now) for _ in range(7)] == [True] * 6 + [False]
     assert brought(database, places, "192.0.2.2", now), "another address"
@@ -101,14 +101,14 @@ def test_a_place_comes_back_with_time_and_not_before(site: Site) -> None:
     assert brought(database, places, "192.0.2.1", now + timedelta(minutes=61))
 
 
-def test_the_networks_of_one_ipv6_site_share_a_budget_and_neighbours_have_their_own(site: Site) -> None:
+def test_the_networks_of_one_ipv6_site_share_a_budget_and_neighbours_have_their_own(site: PageSite) -> None:
     places, database, now = NewPlaces(2, SECRET), site.database, datetime.now(UTC)
     let_in = [brought(database, places, f"2001:db8:1:{n:x}::/64", now) for n in range(40)]
     assert let_in == [True] * 8 + [False] * 32
     assert brought(database, places, "2001:db8:2:1::/64", now)
 
 
-def test_addresses_are_stored_as_keyed_hashes_only(site: Site) -> None:
+def test_addresses_are_stored_as_keyed_hashes_only(site: PageSite) -> None:
     brought(site.database, NewPlaces(2, SECRET), "192.0.2.7", datetime.now(UTC))
     (row,) = site.database.read_now(lambda connection: connection.execute(select(attempts)).mappings().all())
     assert "192.0.2.7" not in str(dict(row))
@@ -116,9 +116,9 @@ def test_addresses_are_stored_as_keyed_hashes_only(site: Site) -> None:
 
 
 def test_refused_participants_are_counted_for_an_hour_and_up_to_a_limit(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(new_places, "MOST_TURNED_AWAY", 3)
+    monkeypatch.setattr(new_places, "MAX_TURNED_AWAY", 3)
     now = datetime.now(UTC)
     for _ in range(5):
         site.database.write_now(new_places.turn_away, "wide", now)
@@ -151,7 +151,7 @@ def test_a_household_of_ipv6_is_one_address(host: str, address: str) -> None:
     assert address_of(Asking()) == address  # type: ignore[arg-type]
 
 
-def test_a_place_is_held_briefly_until_something_is_done(site: Site) -> None:
+def test_a_place_is_held_briefly_until_something_is_done(site: PageSite) -> None:
     silent = Visitor(site)
     for _ in range(2):
         silent = Visitor(site)
@@ -172,7 +172,7 @@ def test_a_place_is_held_briefly_until_something_is_done(site: Site) -> None:
     assert [one.position for one in site.everybody("small") if one.position] == [1, 1]
 
 
-def test_a_late_first_page_is_accepted_if_there_is_room(site: Site) -> None:
+def test_a_late_first_page_is_accepted_if_there_is_room(site: PageSite) -> None:
     late = Visitor(site)
     late.consent("small")
     consented_ago(site, 60)
@@ -180,7 +180,7 @@ def test_a_late_first_page_is_accepted_if_there_is_room(site: Site) -> None:
     assert (site.only("small").status, site.only("small").position) == ("active", 1)
 
 
-def test_a_late_first_page_ends_the_study_if_there_is_no_room(site: Site) -> None:
+def test_a_late_first_page_ends_the_study_if_there_is_no_room(site: PageSite) -> None:
     late = Visitor(site)
     late.consent("small")
     Visitor(site).consent("small")
@@ -192,7 +192,7 @@ def test_a_late_first_page_ends_the_study_if_there_is_no_room(site: Site) -> Non
     assert site.everybody("small")[0].status == "timed_out"
 
 
-def test_an_active_participant_keeps_the_place_for_as_long_as_the_study_says(site: Site) -> None:
+def test_an_active_participant_keeps_the_place_for_as_long_as_the_study_says(site: PageSite) -> None:
     for _ in range(2):
         person = Visitor(site)
         person.consent("small")
@@ -202,12 +202,12 @@ def test_an_active_participant_keeps_the_place_for_as_long_as_the_study_says(sit
     assert {one.status for one in site.everybody("small")} == {"active"}
 
 
-def test_a_game_that_has_begun_is_a_sign_of_life(site: Site) -> None:
+def test_a_game_that_has_begun_is_a_sign_of_life(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     me = site.only("small")
     assert site.database.read_now(participants.is_silent, me.id)
-    index = [step.key for step in site.studies.way(me)].index("tutorial")
+    index = [step.key for step in site.studies.steps_of(me)].index("tutorial")
     site.database.write_now(participants.advance, me.id, 0, index)
     site.end_game(me)
     episode = "update episodes set started_at = created_at"
@@ -220,11 +220,11 @@ def test_a_game_that_has_begun_is_a_sign_of_life(site: Site) -> None:
     assert site.database.read_now(participants.silent, (number,), later) == {}
 
 
-def signs(site: Site, name: str, leads: bool = True) -> dict[str, str]:
+def signs(site: PageSite, name: str, leads: bool = True) -> dict[str, str]:
     return asyncio.run(invented_participants.signs(site.services.web, name, site.studies.versions(name), leads))
 
 
-def test_researchers_are_told_of_people_who_consent_and_do_nothing(site: Site) -> None:
+def test_researchers_get_an_alert_for_people_who_consent_and_do_nothing(site: PageSite) -> None:
     for _ in range(invented_participants.FEWEST):
         Visitor(site).consent("wide")
     assert signs(site, "wide") == {}, "they may still begin"
@@ -237,7 +237,7 @@ def test_researchers_are_told_of_people_who_consent_and_do_nothing(site: Site) -
     assert signs(site, "wide") == {}, "long ago"
 
 
-def test_researchers_are_told_of_an_address_that_wants_too_many_places(site: Site) -> None:
+def test_researchers_get_an_alert_for_an_address_that_takes_too_many_places(site: PageSite) -> None:
     limit(site, 1)
     for _ in range(3):
         Visitor(site).consent("wide")
@@ -248,7 +248,7 @@ def test_researchers_are_told_of_an_address_that_wants_too_many_places(site: Sit
     assert "127.0.0.1" not in text
 
 
-def test_assignment_counts_participants_who_hold_a_place(site: Site) -> None:
+def test_assignment_counts_participants_who_hold_a_place(site: PageSite) -> None:
     for _ in range(2):
         Visitor(site).consent("small")
     consented_ago(site, 11)
@@ -257,7 +257,7 @@ def test_assignment_counts_participants_who_hold_a_place(site: Site) -> None:
     assert [count.held for count in site.database.read_now(progress.held, number, study).values()] == [0, 0]
 
 
-def test_twenty_at_once_get_the_places_that_there_are(site: Site) -> None:
+def test_twenty_at_once_get_the_places_that_there_are(site: PageSite) -> None:
     limit(site, 4)
     forms = []
     for _ in range(20):

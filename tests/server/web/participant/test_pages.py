@@ -9,11 +9,11 @@ from sqlalchemy import select
 
 from server.store import answers, episodes, participants
 from server.store.tables import metadata
-from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, PageSite, Visitor
 from tests.support.small_site import LINK, pass_step, walk_to
 
 
-def test_from_consent_to_the_completion_code(site: Site) -> None:
+def test_from_consent_to_the_completion_code(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "thanks")
     participant = site.only("small")
@@ -28,7 +28,7 @@ def test_from_consent_to_the_completion_code(site: Site) -> None:
     assert len(site.database.read_now(episodes.of_participant, participant.id)) == 5
 
 
-def test_answers_after_an_episode_belong_to_that_episode(site: Site) -> None:
+def test_answers_after_an_episode_belong_to_that_episode(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "ready-02")
     played = site.database.read_now(episodes.of_step, site.only("small").id, "episode-01")
@@ -58,7 +58,7 @@ def test_answers_after_an_episode_belong_to_that_episode(site: Site) -> None:
     ],
 )
 def test_wrong_answer_is_refused_at_its_field_and_nothing_else_is_lost(
-    site: Site, change: dict[str, str | list[str]], words: str
+    site: PageSite, change: dict[str, str | list[str]], words: str
 ) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
@@ -81,7 +81,7 @@ def test_wrong_answer_is_refused_at_its_field_and_nothing_else_is_lost(
     assert site.database.read_now(answers.of_participant, site.only("small").id) == {}
 
 
-def test_submitted_text_is_shown_as_text(site: Site) -> None:
+def test_submitted_text_is_shown_as_text(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     answer = visitor.submit("small", **(EVERYTHING | {"words": '"><b>x</b>', "mood": "9"}))
@@ -89,7 +89,7 @@ def test_submitted_text_is_shown_as_text(site: Site) -> None:
     assert "&lt;b&gt;x" in answer.text
 
 
-def test_page_sent_twice_or_late_changes_nothing_and_leads_to_the_current_one(site: Site) -> None:
+def test_page_sent_twice_or_late_changes_nothing_and_leads_to_the_current_one(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     stale = visitor.fields() | {key: value for key, value in EVERYTHING.items() if isinstance(value, str)}
@@ -101,7 +101,7 @@ def test_page_sent_twice_or_late_changes_nothing_and_leads_to_the_current_one(si
     assert site.database.read_now(answers.of_participant, site.only("small").id)["everything"]["mood"] == 4
 
 
-def test_nobody_skips_a_game_or_an_unknown_step(site: Site) -> None:
+def test_nobody_skips_a_game_or_an_unknown_step(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "tutorial")
     token = Visitor(site)
@@ -113,7 +113,7 @@ def test_nobody_skips_a_game_or_an_unknown_step(site: Site) -> None:
         assert site.step(site.only("small")).key == "tutorial"
 
 
-def test_tutorial_that_was_not_passed_is_repeated(site: Site) -> None:
+def test_tutorial_that_was_not_passed_is_repeated(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "tutorial")
     site.end_game(site.only("small"), passed=False)
@@ -124,7 +124,7 @@ def test_tutorial_that_was_not_passed_is_repeated(site: Site) -> None:
     assert site.step(site.only("small")).key == "ready-01"
 
 
-def test_episode_that_was_broken_off_is_left_behind(site: Site) -> None:
+def test_episode_that_was_broken_off_is_left_behind(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "episode-01")
     visitor.get("/s/small/now")
@@ -134,7 +134,7 @@ def test_episode_that_was_broken_off_is_left_behind(site: Site) -> None:
     assert site.step(site.only("small")).key == "after-01"
 
 
-def test_reload_at_every_step_comes_back_to_it(site: Site) -> None:
+def test_reload_at_every_step_comes_back_to_it(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     seen = []
@@ -148,7 +148,7 @@ def test_reload_at_every_step_comes_back_to_it(site: Site) -> None:
     assert len(seen) == len(set(seen)) == 18
 
 
-def test_recruited_person_is_one_row_on_every_device(site: Site) -> None:
+def test_recruited_person_is_one_row_on_every_device(site: PageSite) -> None:
     first, second = Visitor(site), Visitor(site)
     first.consent("hired", LINK)
     first.submit("hired", **EVERYTHING)
@@ -160,7 +160,7 @@ def test_recruited_person_is_one_row_on_every_device(site: Site) -> None:
     assert first.get("/s/hired/now").url.path == "/s/hired"  # the newest device plays
 
 
-def test_next_person_on_the_same_computer_is_somebody_else(site: Site) -> None:
+def test_next_person_on_the_same_computer_is_somebody_else(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("hired", LINK)
     page = visitor.get("/s/hired?PROLIFIC_PID=5f1e00000000000000000002")
@@ -170,7 +170,7 @@ def test_next_person_on_the_same_computer_is_somebody_else(site: Site) -> None:
     assert len(site.everybody("hired")) == 2
 
 
-def test_parameters_of_the_link_are_stored_separately_and_the_return_link_is_filled_in(site: Site) -> None:
+def test_parameters_of_the_link_are_stored_separately_and_the_return_link_is_filled_in(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("hired", LINK)
     assert "PROLIFIC" not in str(visitor.page.url)
@@ -186,13 +186,13 @@ def test_parameters_of_the_link_are_stored_separately_and_the_return_link_is_fil
     assert site.only("hired").completion_code in page
 
 
-def test_link_without_the_person_is_refused_where_one_is_needed(site: Site) -> None:
+def test_link_without_the_person_is_refused_where_one_is_needed(site: PageSite) -> None:
     page = Visitor(site).get("/s/hired")
     assert page.status_code == 400
     assert "sign-up site" in page.text
 
 
-def test_marks_are_explained_and_asked_about_only_where_some_are_shown(site: Site) -> None:
+def test_marks_are_explained_and_asked_about_only_where_some_are_shown(site: PageSite) -> None:
     for _ in range(2):
         visitor = Visitor(site)
         visitor.consent("small")
@@ -207,7 +207,7 @@ def test_marks_are_explained_and_asked_about_only_where_some_are_shown(site: Sit
     assert {one.condition for one in site.everybody("small")} == {"with", "without"}
 
 
-def test_pages_never_name_the_condition(site: Site) -> None:
+def test_pages_never_name_the_condition(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     while (step := site.step(site.only("small"))).kind != "thanks":
@@ -218,7 +218,7 @@ def test_pages_never_name_the_condition(site: Site) -> None:
         pass_step(visitor, site, step.kind)
 
 
-def test_language_is_the_browsers_the_links_or_the_chosen_one(site: Site) -> None:
+def test_language_is_the_browsers_the_links_or_the_chosen_one(site: PageSite) -> None:
     assert '<html lang="zh"' in Visitor(site, {"accept-language": "zh-CN,zh;q=0.9"}).get("/").text
     visitor = Visitor(site)
     assert '<html lang="zh"' in visitor.get("/s/small?lang=zh").text
@@ -230,12 +230,12 @@ def test_language_is_the_browsers_the_links_or_the_chosen_one(site: Site) -> Non
 
 
 def test_participant_keeps_the_version_they_consented_to(tmp_path: Path) -> None:
-    with Site(tmp_path, SMALL_STUDY) as site:
+    with PageSite(tmp_path, SMALL_STUDY) as site:
         visitor = Visitor(site)
         visitor.consent("small")
         cookies = visitor.client.cookies
     changed = SMALL_STUDY.replace("title: {en: Everything,", "title: {en: Everything new,")
-    with Site(tmp_path, changed) as site:
+    with PageSite(tmp_path, changed) as site:
         old, new = Visitor(site), Visitor(site)
         for cookie in cookies.jar:
             old.client.cookies.set(cookie.name, cookie.value or "", domain=cookie.domain, path=cookie.path)
@@ -243,7 +243,7 @@ def test_participant_keeps_the_version_they_consented_to(tmp_path: Path) -> None
         assert "<h1>Everything new</h1>" in new.consent("small").text
 
 
-def test_a_round_shows_the_points_of_the_rounds_before(site: Site) -> None:
+def test_a_round_shows_the_points_of_the_rounds_before(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "episode-02")
     config = re.search(

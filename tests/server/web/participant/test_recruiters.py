@@ -10,11 +10,11 @@ from urllib.parse import urlencode
 
 import pytest
 
-from server.participation.recruiter_links import recruitment_of, way_back
+from server.participation.recruiter_links import recruitment_of, return_target
 from server.store import participants
 from server.store.attempts import LIMIT
 from server.store.database import Database
-from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.page_site import SMALL_STUDY, PageSite, Visitor
 
 CC = "https://app.prolific.com/submissions/complete?cc={code}"
 SONA = "https://lab.sona-systems.com/webstudy_credit.aspx?experiment_id=7&credit_token=ab&survey_code={person}"
@@ -32,21 +32,21 @@ LINKS = {
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
     texts = []
     for name, recruitment in RECRUITMENTS.items():
         text = SMALL_STUDY.replace("name: small", f"name: {name}", 1)
         texts.append(text.replace("seed: 11\n", f"seed: 11\nrecruitment: {recruitment}\n"))
-    with Site(tmp_path_factory.mktemp("recruited"), *texts, SMALL_STUDY) as running:
+    with PageSite(tmp_path_factory.mktemp("recruited"), *texts, SMALL_STUDY) as running:
         yield running
 
 
-def finished(site: Site, name: str, query: str) -> Visitor:
+def finished(site: PageSite, name: str, query: str) -> Visitor:
     """Somebody who came by this link and is on the last page."""
     visitor = Visitor(site)
     visitor.consent(name, query)
     me = site.everybody(name)[-1]
-    last = len(site.studies.way(me)) - 2  # goodbye, the page before the last
+    last = len(site.studies.steps_of(me)) - 2  # goodbye, the page before the last
     site.database.write_now(participants.advance, me.id, me.position, last)
     visitor.get(f"/s/{name}/now")
     visitor.submit(name)
@@ -58,7 +58,7 @@ def links(visitor: Visitor) -> list[str]:
     return [unescape(one) for one in re.findall(r'<a class="btn"[^>]* href="([^"]*)"', visitor.page.text)]
 
 
-def test_prolific_gets_the_code_of_each_outcome(site: Site) -> None:
+def test_prolific_gets_the_code_of_each_outcome(site: PageSite) -> None:
     assert links(finished(site, "prolific", LINKS["prolific"])) == [CC.replace("{code}", "DONE1")]
     unknown_visitor = Visitor(site)
     unknown_visitor.get(f"/s/prolific{LINKS['prolific']}")
@@ -67,11 +67,11 @@ def test_prolific_gets_the_code_of_each_outcome(site: Site) -> None:
         assert (links(unknown_visitor), code in unknown_visitor.page.text) == ([CC.replace("{code}", code)], True)
 
 
-def test_no_code_is_shown_before_everything_is_stored(site: Site) -> None:
+def test_no_code_is_shown_before_everything_is_stored(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("prolific", "?PROLIFIC_PID=5f00000000000000000000b8&STUDY_ID=s1&SESSION_ID=x9")
     me = site.everybody("prolific")[-1]
-    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.way(me)) - 2)
+    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.steps_of(me)) - 2)
     visitor.get("/s/prolific/now")
     services = site.services
     away = Database("postgresql://nobody@127.0.0.1:1/none", read_only=True)
@@ -96,11 +96,11 @@ class HalfAway:
         self.read, self.write = there.read, away.read
 
 
-def test_sona_grants_the_credit_to_the_person(site: Site) -> None:
+def test_sona_grants_the_credit_to_the_person(site: PageSite) -> None:
     assert links(finished(site, "sona", LINKS["sona"])) == [SONA.replace("{person}", "41%2F7")]
 
 
-def test_mturk_gets_the_assignment_by_a_form_to_its_own_address(site: Site) -> None:
+def test_mturk_gets_the_assignment_by_a_form_to_its_own_address(site: PageSite) -> None:
     visitor = finished(site, "mturk", LINKS["mturk"])
     code = site.everybody("mturk")[-1].completion_code or ""
     assert visitor.fields("/externalSubmit") == {"assignmentId": "A1", "code": code}
@@ -127,14 +127,14 @@ def test_mturk_gets_the_assignment_by_a_form_to_its_own_address(site: Site) -> N
         "",
     ],
 )
-def test_no_form_goes_to_an_address_that_is_not_mturks(site: Site, home: str) -> None:
+def test_no_form_goes_to_an_address_that_is_not_mturks(site: PageSite, home: str) -> None:
     found = site.studies.open("mturk")
     assert found is not None
     recruitment = found[1].recruitment
     values = {"assignmentId": "A1", "code": "KM-2222-2222", "person": "A1W1"}
-    assert way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": home}) is None
+    assert return_target(recruitment, recruitment.completed, values | {"turkSubmitTo": home}) is None
     assert "turkSubmitTo" not in recruitment_of(recruitment, {"workerId": "W1", "turkSubmitTo": home})[1]
-    good = way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": "https://WWW.mturk.com/"})
+    good = return_target(recruitment, recruitment.completed, values | {"turkSubmitTo": "https://WWW.mturk.com/"})
     assert good is not None
     assert good.url == "https://www.mturk.com/mturk/externalSubmit"
 
@@ -142,7 +142,7 @@ def test_no_form_goes_to_an_address_that_is_not_mturks(site: Site, home: str) ->
 @pytest.mark.parametrize(
     "home", ["https://evil.test\\ * ; script-src-elem * 'unsafe-inline'; .mturk.com", "https://[x.mturk.com"]
 )
-def test_a_crafted_mturk_link_ends_with_the_code_and_sends_it_to_nobody(site: Site, home: str) -> None:
+def test_a_crafted_mturk_link_ends_with_the_code_and_sends_it_to_nobody(site: PageSite, home: str) -> None:
     query = urlencode({"workerId": f"ACRAFTED{len(home)}", "assignmentId": "A9", "hitId": "H1", "turkSubmitTo": home})
     visitor = finished(site, "mturk", f"?{query}")
     me = site.everybody("mturk")[-1]
@@ -155,14 +155,14 @@ def test_a_crafted_mturk_link_ends_with_the_code_and_sends_it_to_nobody(site: Si
     assert "turkSubmitTo" not in site.database.read_now(participants.personal_of, me.id)
 
 
-def test_a_preview_of_the_assignment_asks_to_accept_it(site: Site) -> None:
+def test_a_preview_of_the_assignment_asks_to_accept_it(site: PageSite) -> None:
     page = Visitor(site).get("/s/mturk?assignmentId=ASSIGNMENT_ID_NOT_AVAILABLE&hitId=H1")
     assert "Please accept the assignment first." in page.text
     assert "<form" not in page.text.replace('class="tongues"', "")
     assert "frame-ancestors https://*.mturk.com" in page.headers["content-security-policy"]
 
 
-def test_in_mturks_frame_the_study_opens_in_a_tab_of_its_own(site: Site) -> None:
+def test_in_mturks_frame_the_study_opens_in_a_tab_of_its_own(site: PageSite) -> None:
     framed = Visitor(site, {"sec-fetch-dest": "iframe"})
     framed.get(f"/s/mturk{LINKS['mturk']}")
     assert links(framed) == [f"/s/mturk{LINKS['mturk']}&lang=en"]
@@ -172,7 +172,7 @@ def test_in_mturks_frame_the_study_opens_in_a_tab_of_its_own(site: Site) -> None
 
 
 @pytest.mark.parametrize("name", RECRUITMENTS)
-def test_a_link_without_the_person_is_refused_and_the_same_person_is_one_row(site: Site, name: str) -> None:
+def test_a_link_without_the_person_is_refused_and_the_same_person_is_one_row(site: PageSite, name: str) -> None:
     assert Visitor(site).get(f"/s/{name}").status_code == 400
     query = LINKS[name].replace("00a7", "00c9").replace("41%2F7", "again").replace("A1W1", "A1AGAIN")
     before = len(site.everybody(name))
@@ -181,7 +181,7 @@ def test_a_link_without_the_person_is_refused_and_the_same_person_is_one_row(sit
     assert len(site.everybody(name)) == before + 1
 
 
-def test_codes_cannot_be_guessed(site: Site) -> None:
+def test_codes_cannot_be_guessed(site: PageSite) -> None:
     right = finished(site, "sona", "?survey_code=leaver")
     code = site.everybody("sona")[-1].completion_code or ""
     guessing = Visitor(site)

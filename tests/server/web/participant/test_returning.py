@@ -12,7 +12,7 @@ from server.store import overview, participants
 from server.store.tables import RECRUITMENT_ID
 from server.store.tables import participants as table
 from server.web.auth import BOT_MARK, bot_mark
-from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.page_site import SMALL_STUDY, PageSite, Visitor
 
 CC = "https://app.prolific.com/submissions/complete?cc={code}"
 RECRUITMENTS = {
@@ -24,12 +24,12 @@ ONE, OTHER = "5f1e0000000000000000000a", "5f1e0000000000000000000b"
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
+def site(tmp_path: Path) -> Iterator[PageSite]:
     texts = [SMALL_STUDY]
     for name, recruitment in RECRUITMENTS.items():
         text = SMALL_STUDY.replace("name: small", f"name: {name}", 1)
         texts.append(text.replace("seed: 11\n", f"seed: 11\nrecruitment: {recruitment}\n"))
-    with Site(tmp_path, *texts) as running:
+    with PageSite(tmp_path, *texts) as running:
         yield running
 
 
@@ -41,10 +41,10 @@ def mturk(assignment: str, worker: str = "A1W1") -> str:
     return f"?workerId={worker}&assignmentId={assignment}&hitId=H1&turkSubmitTo=https%3A%2F%2Fwww.mturk.com"
 
 
-def finish(site: Site, visitor: Visitor, name: str) -> str:
+def finish(site: PageSite, visitor: Visitor, name: str) -> str:
     """From wherever they are to the last page; returns the personal code."""
     me = site.everybody(name)[-1]
-    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.way(me)) - 2)
+    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.steps_of(me)) - 2)
     visitor.get(f"/s/{name}/now")
     visitor.submit(name)
     code = site.everybody(name)[-1].completion_code
@@ -52,7 +52,7 @@ def finish(site: Site, visitor: Visitor, name: str) -> str:
     return code
 
 
-def put(site: Site, status: str, code: str | None = None) -> None:
+def put(site: PageSite, status: str, code: str | None = None) -> None:
     values = {"status": status, "completion_code": code}
     site.database.write_now(lambda connection: connection.execute(table.update().values(values)))
 
@@ -60,7 +60,7 @@ def put(site: Site, status: str, code: str | None = None) -> None:
 # The id alone gives no access to a finished participation
 
 
-def test_with_the_id_alone_nobody_reads_the_code_of_somebody_who_finished(site: Site) -> None:
+def test_with_the_id_alone_nobody_reads_the_code_of_somebody_who_finished(site: PageSite) -> None:
     owner, unknown_visitor = Visitor(site), Visitor(site)
     owner.consent("prolific", prolific())
     fields = consent_form(unknown_visitor)
@@ -83,7 +83,7 @@ def consent_form(visitor: Visitor) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("status", ["completed", "screened_out", "timed_out", "returned"])
-def test_no_participation_that_is_over_is_taken_over_or_deleted_by_its_id(site: Site, status: str) -> None:
+def test_no_participation_that_is_over_is_taken_over_or_deleted_by_its_id(site: PageSite, status: str) -> None:
     Visitor(site).consent("prolific", prolific())
     put(site, status, "KM-2222-3333")
     unknown_visitor = Visitor(site)
@@ -94,7 +94,7 @@ def test_no_participation_that_is_over_is_taken_over_or_deleted_by_its_id(site: 
     assert site.only("prolific").status == status
 
 
-def test_an_active_participant_continues_on_another_device(site: Site) -> None:
+def test_an_active_participant_continues_on_another_device(site: PageSite) -> None:
     Visitor(site).consent("prolific", prolific())
     again = Visitor(site)
     again.consent("prolific", prolific())
@@ -102,14 +102,14 @@ def test_an_active_participant_continues_on_another_device(site: Site) -> None:
     assert site.only("prolific").status == "active"
 
 
-def test_the_browser_that_took_part_sees_the_code_again_by_the_link(site: Site) -> None:
+def test_the_browser_that_took_part_sees_the_code_again_by_the_link(site: PageSite) -> None:
     owner = Visitor(site)
     owner.consent("prolific", prolific())
     code = finish(site, owner, "prolific")
     assert code in owner.get(f"/s/prolific{prolific()}").text
 
 
-def test_data_are_deleted_by_the_personal_code_and_a_code_of_all_is_explained(site: Site) -> None:
+def test_data_are_deleted_by_the_personal_code_and_a_code_of_all_is_explained(site: PageSite) -> None:
     owner, peers = Visitor(site), Visitor(site)
     owner.consent("prolific", prolific())
     code = finish(site, owner, "prolific")
@@ -128,7 +128,7 @@ def test_data_are_deleted_by_the_personal_code_and_a_code_of_all_is_explained(si
 # The next person in the same browser
 
 
-def test_the_next_person_in_the_same_browser_starts_as_a_new_participant(site: Site) -> None:
+def test_the_next_person_in_the_same_browser_starts_as_a_new_participant(site: PageSite) -> None:
     browser = Visitor(site)
     browser.consent("small")
     code = finish(site, browser, "small")
@@ -149,7 +149,7 @@ def test_the_next_person_in_the_same_browser_starts_as_a_new_participant(site: S
     assert (first.completion_code, second.position) == (code, 0)
 
 
-def test_the_next_person_starts_new_also_after_a_participant_who_left_in_the_middle(site: Site) -> None:
+def test_the_next_person_starts_new_also_after_a_participant_who_left_in_the_middle(site: PageSite) -> None:
     browser = Visitor(site)
     browser.consent("small")
     assert 'href="/s/small/new"' in browser.page.text
@@ -161,7 +161,7 @@ def test_the_next_person_starts_new_also_after_a_participant_who_left_in_the_mid
     assert [one.status for one in site.everybody("small")] == ["active", "active"]
 
 
-def test_a_foreign_page_makes_nobody_a_new_participant(site: Site) -> None:
+def test_a_foreign_page_makes_nobody_a_new_participant(site: PageSite) -> None:
     browser = Visitor(site)
     browser.consent("small")
     browser.send("/s/small/new", {})
@@ -170,7 +170,7 @@ def test_a_foreign_page_makes_nobody_a_new_participant(site: Site) -> None:
 
 
 @pytest.mark.parametrize("name", ["prolific", "lab"])
-def test_where_people_have_ids_nobody_starts_over_without_a_link_of_their_own(site: Site, name: str) -> None:
+def test_where_people_have_ids_nobody_starts_over_without_a_link_of_their_own(site: PageSite, name: str) -> None:
     query = {"prolific": prolific(), "lab": "?participant=seat-7"}[name]
     browser = Visitor(site)
     browser.consent(name, query)
@@ -184,12 +184,12 @@ def test_where_people_have_ids_nobody_starts_over_without_a_link_of_their_own(si
 # What a link brings
 
 
-def kept(site: Site, name: str) -> dict[str, str]:
+def kept(site: PageSite, name: str) -> dict[str, str]:
     return site.database.read_now(participants.personal_of, site.only(name).id)
 
 
 @pytest.mark.parametrize("has_cookie", [True, False])
-def test_a_hit_that_is_accepted_again_submits_the_new_assignment(site: Site, has_cookie: bool) -> None:
+def test_a_hit_that_is_accepted_again_submits_the_new_assignment(site: PageSite, has_cookie: bool) -> None:
     worker = Visitor(site)
     worker.consent("mturk", mturk("FIRST"))
     if not has_cookie:
@@ -204,7 +204,7 @@ def test_a_hit_that_is_accepted_again_submits_the_new_assignment(site: Site, has
     assert worker.fields("/externalSubmit")["assignmentId"] == "SECOND"
 
 
-def test_a_hit_that_is_accepted_again_after_the_end_submits_the_new_assignment(site: Site) -> None:
+def test_a_hit_that_is_accepted_again_after_the_end_submits_the_new_assignment(site: PageSite) -> None:
     worker = Visitor(site)
     worker.consent("mturk", mturk("FIRST"))
     code = finish(site, worker, "mturk")
@@ -213,7 +213,7 @@ def test_a_hit_that_is_accepted_again_after_the_end_submits_the_new_assignment(s
     assert worker.fields("/externalSubmit") == {"assignmentId": "SECOND", "code": code}
 
 
-def test_a_new_session_of_prolific_takes_the_place_of_the_old_one_and_nothing_else_is_lost(site: Site) -> None:
+def test_a_new_session_of_prolific_takes_the_place_of_the_old_one_and_nothing_else_is_lost(site: PageSite) -> None:
     Visitor(site).consent("prolific", prolific(session="x1"))
     again = Visitor(site)
     again.get(f"/s/prolific?PROLIFIC_PID={ONE}&SESSION_ID=x2")
@@ -229,7 +229,7 @@ PLACEHOLDERS = [
 
 
 @pytest.mark.parametrize("value", PLACEHOLDERS)
-def test_a_placeholder_that_was_not_replaced_is_not_an_id(site: Site, value: str) -> None:
+def test_a_placeholder_that_was_not_replaced_is_not_an_id(site: PageSite, value: str) -> None:
     assert Visitor(site).get(f"/s/prolific?PROLIFIC_PID={quote(value)}").status_code == 400
     for name in RECRUITMENTS:
         found = site.studies.open(name)
@@ -239,14 +239,14 @@ def test_a_placeholder_that_was_not_replaced_is_not_an_id(site: Site, value: str
         assert recruitment_of(recruitment, given) == (None, {})
 
 
-def test_people_with_a_placeholder_are_not_taken_for_one_person(site: Site) -> None:
+def test_people_with_a_placeholder_are_not_taken_for_one_person(site: PageSite) -> None:
     for _ in range(2):
         Visitor(site).consent("lab", f"?participant={quote('{{%PROLIFIC_PID%}}')}")
     assert len(site.everybody("lab")) == 2
 
 
 @pytest.mark.parametrize("name", ["prolific_pid", "Prolific_Pid", "PROLIFIC_pid"])
-def test_a_parameter_s_name_counts_in_any_case(site: Site, name: str) -> None:
+def test_a_parameter_s_name_counts_in_any_case(site: PageSite, name: str) -> None:
     Visitor(site).consent("prolific", f"?{name}={ONE}&study_id=s1&session_id=x1")
     assert kept(site, "prolific") == {RECRUITMENT_ID: ONE, "STUDY_ID": "s1", "SESSION_ID": "x1"}
     Visitor(site).consent("prolific", prolific())
@@ -269,7 +269,7 @@ def test_a_parameter_s_name_counts_in_any_case(site: Site, name: str) -> None:
         ("lab", "seat 7", True),
     ],
 )
-def test_an_id_has_to_look_like_one_of_the_recruiter_s(site: Site, name: str, person: str, is_one: bool) -> None:
+def test_an_id_has_to_look_like_one_of_the_recruiter_s(site: PageSite, name: str, person: str, is_one: bool) -> None:
     found = site.studies.open(name)
     assert found is not None
     recruitment = found[1].recruitment
@@ -286,7 +286,7 @@ def test_an_id_has_to_look_like_one_of_the_recruiter_s(site: Site, name: str, pe
     [(False, "", True), (True, "", False), (True, "yes", False), (True, "right", True), (False, "wrong", True)],
 )
 def test_on_a_public_server_only_clients_with_its_secret_count_as_bots(
-    site: Site, production: bool, mark: str, is_bot: bool
+    site: PageSite, production: bool, mark: str, is_bot: bool
 ) -> None:
     web = replace(site.services.web, production=production)
     site.use(replace(site.services, web=web))

@@ -114,14 +114,14 @@ async def test_flood_as_a_browser_writes_it_closes_with_1008_too(served: Served)
 
 
 @pytest.mark.parametrize("flood", [PINGS, PONGS, bytes([0x01]) + NOTHING + PIECES], ids=["pings", "pongs", "pieces"])
-async def test_flood_of_frames_that_are_no_messages_closes_with_1008(served: Served, flood: bytes) -> None:
+async def test_flood_of_frames_that_are_not_messages_closes_with_1008(served: Served, flood: bytes) -> None:
     async with served.connect() as socket:
         await play(socket)
         socket.transport.write(flood)
         assert await close_code(socket) == 1008
 
 
-async def test_simulated_participants_may_send_as_fast_as_the_games_that_wait_for_them() -> None:
+async def test_the_rate_limit_of_simulated_participants_grows_with_the_speed_of_their_games() -> None:
     async with serving(Served(Clock(5.0, patience_s=2.0))) as served, served.connect("ann", max_queue=None) as socket:
         await play(socket)
         for seq in range(2000):
@@ -130,7 +130,7 @@ async def test_simulated_participants_may_send_as_fast_as_the_games_that_wait_fo
         assert await hear(socket, "refused", most=4000)
 
 
-async def test_a_simulated_participant_who_is_taken_for_a_flood_says_so(
+async def test_a_simulated_participant_that_is_disconnected_for_flooding_reports_it(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(game_socket, "bucket_of", lambda clock: TokenBucket(clock.now(), burst=0.0))

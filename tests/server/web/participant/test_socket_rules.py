@@ -164,7 +164,7 @@ async def test_an_input_that_is_sent_again_after_a_lost_connection_moves_once(se
     assert keys == [5]
 
 
-async def test_times_are_told_in_the_time_of_the_page(served: Served) -> None:
+async def test_times_are_given_in_the_time_of_the_page(served: Served) -> None:
     async with served.connect() as socket:  # the clock of these games is ten times as fast
         await say(socket, **HELLO)
         assert (await hear(socket, "welcome"))["tick_ms"] == 20

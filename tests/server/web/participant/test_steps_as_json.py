@@ -11,7 +11,7 @@ import pytest
 
 from kitchenmind.client.pages import ParsedPage, filled_in, page_of_json
 from server.play.protocol_schema import protocol_schema
-from tests.support.page_site import SMALL_STUDY, Site
+from tests.support.page_site import SMALL_STUDY, PageSite
 
 JSON = {"accept": "application/json"}
 HTML = {"accept": "text/html"}
@@ -22,15 +22,15 @@ ANSWERS: dict[str, Any] = {
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with Site(tmp_path, SMALL_STUDY) as running:
+def site(tmp_path: Path) -> Iterator[PageSite]:
+    with PageSite(tmp_path, SMALL_STUDY) as running:
         yield running
 
 
 class Program:
     """Takes part by JSON alone; checks each page against the served schema and against the HTML of the same step."""
 
-    def __init__(self, site: Site) -> None:
+    def __init__(self, site: PageSite) -> None:
         self.http = httpx.Client(base_url=site.url, headers=JSON, follow_redirects=True, timeout=60)
         site.clients.append(self.http)
         schema = protocol_schema() | {"anyOf": [{"$ref": "#/$defs/StepPage"}]}
@@ -86,7 +86,7 @@ class Program:
         assert plain == {key: value for key, value in filled_in(seen, {}).items() if key not in left_out}
 
 
-def test_a_program_walks_a_study_by_json_to_its_code(site: Site) -> None:
+def test_a_program_completes_a_study_by_json(site: PageSite) -> None:
     program = Program(site)
     assert program.get("/")["studies"][0]["path"] == "/s/small"
     assert program.get("/s/small")["page"] == "consent"
@@ -113,7 +113,7 @@ def test_a_program_walks_a_study_by_json_to_its_code(site: Site) -> None:
     assert program.page["end"]["own_code"] == site.only("small").completion_code
 
 
-def test_wrong_answers_come_back_with_what_is_wrong(site: Site) -> None:
+def test_wrong_answers_are_returned_with_the_reason(site: PageSite) -> None:
     program = at_questions(site)
     missing = program.post()
     assert (missing["page"], missing["step"]) == ("questionnaire", program.page["step"])
@@ -122,7 +122,7 @@ def test_wrong_answers_come_back_with_what_is_wrong(site: Site) -> None:
     assert all(faults.values())
 
 
-def at_questions(site: Site) -> Program:
+def at_questions(site: PageSite) -> Program:
     program = Program(site)
     program.get("/s/small")
     program.post(**{one["name"]: True for one in program.page["form"]["fields"] if one["type"] == "check"})
@@ -145,7 +145,7 @@ def at_questions(site: Site) -> Program:
     ],
 )
 def test_a_json_form_needs_our_origin_and_its_token(
-    site: Site, headers: dict[str, str], change: dict[str, str]
+    site: PageSite, headers: dict[str, str], change: dict[str, str]
 ) -> None:
     program = Program(site)
     page = program.get("/s/small")
@@ -160,14 +160,14 @@ def test_a_json_form_needs_our_origin_and_its_token(
     [b"", b"[]", b'"words"', b"{", b"\xff{}", b'{"a": {"b": {"c": 1}}}', b'{"a": [[1]]}', b'{"a": NaN}'],
     ids=str,
 )
-def test_a_body_that_is_no_form_is_refused_with_its_reason(site: Site, body: bytes) -> None:
+def test_a_body_that_is_not_a_form_is_refused_with_its_reason(site: PageSite, body: bytes) -> None:
     program = Program(site)
     refused = program.http.post("/s/small/consent", content=body, headers={"content-type": "application/json"})
     assert refused.status_code == 400
     assert refused.json()["detail"]
 
 
-def test_browsers_and_plain_clients_get_pages(site: Site) -> None:
+def test_browsers_and_plain_clients_get_pages(site: PageSite) -> None:
     for accept in ("text/html,application/xhtml+xml,*/*;q=0.8", "*/*", "application/json, text/html"):
         page = httpx.get(f"{site.url}/s/small", headers={"accept": accept})
         assert page.headers["content-type"].startswith("text/html")

@@ -12,7 +12,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from server.web.participant.watch_agents import MOST_GAMES, MOST_OF_ONE_ADDRESS, Demonstrations
+from server.web.participant.watch_agents import MAX_GAMES, MAX_OF_ONE_ADDRESS, Demonstrations
 from tests.support.live_server import LiveServer
 from tests.support.real_server import ROOT, SHORT_STUDY
 
@@ -56,7 +56,7 @@ async def until_nothing_is_left(live: LiveServer) -> None:
 
 @pytest.mark.parametrize("hello", [False, True], ids=["before hello", "after hello"])
 async def test_sockets_that_close_early_take_no_place(live: LiveServer, hello: bool) -> None:
-    for _ in range(MOST_GAMES + 2):
+    for _ in range(MAX_GAMES + 2):
         async with onlooker(live, hello=hello):
             pass
     async with onlooker(live):
@@ -66,7 +66,7 @@ async def test_sockets_that_close_early_take_no_place(live: LiveServer, hello: b
 
 async def test_a_viewer_without_a_running_game_makes_room(live: LiveServer) -> None:
     async with AsyncExitStack() as stack:
-        first, *held = [await stack.enter_async_context(onlooker(live, hello=False)) for _ in range(MOST_GAMES)]
+        first, *held = [await stack.enter_async_context(onlooker(live, hello=False)) for _ in range(MAX_GAMES)]
         await stack.enter_async_context(onlooker(live))
         with pytest.raises(ConnectionClosed):
             await asyncio.wait_for(drained(first), 60)
@@ -82,7 +82,7 @@ async def drained(socket: ClientConnection) -> None:
 
 async def test_one_address_does_not_take_all_places(live: LiveServer) -> None:
     async with AsyncExitStack() as stack:
-        for _ in range(MOST_OF_ONE_ADDRESS):
+        for _ in range(MAX_OF_ONE_ADDRESS):
             await running(await stack.enter_async_context(onlooker(live, "203.0.113.9")))
         with pytest.raises(InvalidStatus, match="403"):
             await stack.enter_async_context(onlooker(live, "203.0.113.9"))

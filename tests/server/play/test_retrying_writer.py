@@ -11,7 +11,7 @@ from server.play.retrying_writer import RetryingWriter
 from tests.support.live_fakes import MemoryRecorder
 
 
-class Recorder(MemoryRecorder):
+class RefusingRecorder(MemoryRecorder):
     """Takes pauses at once, after so many refusals."""
 
     def __init__(self, refusals: int = 0) -> None:
@@ -31,7 +31,7 @@ RECORD = PauseRecord("e1", 1, "researcher", datetime(2026, 1, 1, tzinfo=UTC), No
 
 @pytest.mark.timeout(20)
 async def test_what_was_stored_a_moment_ago_is_not_waited_for_without_end() -> None:
-    recorder = Recorder()
+    recorder = RefusingRecorder()
     retrying_writer = RetryingWriter(recorder, Clock())
     retrying_writer.pause(RECORD)
     await asyncio.sleep(0)  # stored, but the loop has not come to tell anybody
@@ -41,7 +41,7 @@ async def test_what_was_stored_a_moment_ago_is_not_waited_for_without_end() -> N
 
 @pytest.mark.timeout(20)
 async def test_flush_waits_until_the_database_takes_it() -> None:
-    recorder = Recorder(refusals=2)
+    recorder = RefusingRecorder(refusals=2)
     retrying_writer = RetryingWriter(recorder, Clock())
     retrying_writer.pause(RECORD)
     retrying_writer.pause(RECORD)

@@ -28,7 +28,7 @@ def states(layout, games=30):
 
 @pytest.mark.parametrize("layout", [RING, MATRIX], ids=lambda layout: layout.name)
 @pytest.mark.parametrize("kind", ["mlp", "cnn"])
-def test_a_served_agent_says_what_its_network_says(tmp_path, kind, layout):
+def test_a_served_agent_gives_the_probabilities_of_its_network(tmp_path, kind, layout):
     torch.manual_seed(0)
     config = NetworkConfig(kind, hidden=(64, 64, 64))
     network = build_network(config, layout)
@@ -41,7 +41,7 @@ def test_a_served_agent_says_what_its_network_says(tmp_path, kind, layout):
     assert expected.std(axis=0).max() > 0.01
 
 
-def test_a_folder_with_other_weights_is_no_agent(tmp_path):
+def test_a_folder_with_other_weights_is_not_an_agent(tmp_path):
     config = {
         "format": "kitchenmind agent 1",
         "grid": RING.text,

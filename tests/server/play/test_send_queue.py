@@ -84,14 +84,14 @@ async def test_pings_come_regularly_while_they_are_answered() -> None:
         now += PING_EVERY_S
 
 
-async def test_answer_to_nothing_is_no_life_sign() -> None:
+async def test_an_unsolicited_answer_is_not_a_sign_of_life() -> None:
     send_queue = SendQueue()
     send_queue.beat(0.0)
     assert not send_queue.pong(77, 0.1)
     assert send_queue.beat(DEAD_AFTER_S + 0.1)
 
 
-async def test_last_words_are_sent_before_the_close_even_to_a_slow_reader() -> None:
+async def test_last_messages_are_sent_before_the_close_even_to_a_slow_reader() -> None:
     send_queue = SendQueue()
     send_queue.beat(0.0)
     send_queue.beat(SLOW_AFTER_S + 0.1)

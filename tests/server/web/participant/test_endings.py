@@ -8,11 +8,11 @@ from sqlalchemy import text as sql
 
 from server.store import events, participants
 from server.store.tables import withdrawals
-from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, PageSite, Visitor
 from tests.support.small_site import rows, walk_to
 
 
-def test_finished_person_cannot_start_over(site: Site) -> None:
+def test_finished_person_cannot_start_over(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "thanks")
     code = site.only("small").completion_code
@@ -25,7 +25,7 @@ def test_finished_person_cannot_start_over(site: Site) -> None:
     assert len(site.everybody("small")) == 1
 
 
-def test_unsuitable_device_gets_the_screened_out_code(site: Site) -> None:
+def test_unsuitable_device_gets_the_screened_out_code(site: PageSite) -> None:
     page = Visitor(site).get("/s/hired/unsuitable").text
     assert ">C2DEF</output>" in page
     assert "complete?cc=C2DEF" in page
@@ -33,7 +33,7 @@ def test_unsuitable_device_gets_the_screened_out_code(site: Site) -> None:
     assert "completion code" not in page, "the person completed nothing"
 
 
-def test_quiz_is_repeated_until_right_and_failures_are_noted(site: Site) -> None:
+def test_quiz_is_repeated_until_right_and_failures_are_noted(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "quiz")
     visitor.get("/s/small/now")
@@ -46,14 +46,14 @@ def test_quiz_is_repeated_until_right_and_failures_are_noted(site: Site) -> None
     assert [event.detail for event in failed] == [{"answers": {"onions": "two"}, "attempt": 1}]
 
 
-def test_a_quiz_with_one_attempt_says_so_as_people_do(tmp_path: Path) -> None:
-    with Site(tmp_path, re.sub(r"attempts: \d+", "attempts: 1", SMALL_STUDY)) as site:
+def test_the_text_of_a_quiz_with_one_attempt_is_in_the_singular(tmp_path: Path) -> None:
+    with PageSite(tmp_path, re.sub(r"attempts: \d+", "attempts: 1", SMALL_STUDY)) as site:
         visitor = Visitor(site)
         walk_to(visitor, site, "quiz")
         assert "You have one try." in visitor.get("/s/small/now").text
 
 
-def test_quiz_failed_too_often_ends_the_study_and_frees_the_place(site: Site) -> None:
+def test_quiz_failed_too_often_ends_the_study_and_frees_the_place(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "quiz")
     for _ in range(3):
@@ -63,7 +63,7 @@ def test_quiz_failed_too_often_ends_the_study_and_frees_the_place(site: Site) ->
     assert "The study ends here" in visitor.get("/s/small/now").text
 
 
-def test_failed_attention_check_is_taken_and_noted(site: Site) -> None:
+def test_failed_attention_check_is_taken_and_noted(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("small")
     visitor.submit("small", **(EVERYTHING | {"check": "7"}))
@@ -72,7 +72,7 @@ def test_failed_attention_check_is_taken_and_noted(site: Site) -> None:
     assert [event.detail for event in noted] == [{"step": "everything", "questions": ["check"]}]
 
 
-def test_withdrawal_deletes_the_participant_and_leaves_a_count(site: Site) -> None:
+def test_withdrawal_deletes_the_participant_and_leaves_a_count(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "ready-02")
     before = site.only("small").id
@@ -87,7 +87,7 @@ def test_withdrawal_deletes_the_participant_and_leaves_a_count(site: Site) -> No
     assert site.database.read_now(participants.get, before) is None
 
 
-def test_withdrawal_works_later_with_the_code(site: Site) -> None:
+def test_withdrawal_works_later_with_the_code(site: PageSite) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "thanks")
     code = site.only("small").completion_code or ""
@@ -99,7 +99,7 @@ def test_withdrawal_works_later_with_the_code(site: Site) -> None:
     assert site.everybody("small") == []
 
 
-def test_place_of_somebody_who_was_away_too_long_is_given_to_another(site: Site) -> None:
+def test_place_of_somebody_who_was_away_too_long_is_given_to_another(site: PageSite) -> None:
     gone = Visitor(site)
     gone.consent("small")
     site.database.write_now(
@@ -117,7 +117,7 @@ def test_full_study_accepts_no_participant(tmp_path: Path) -> None:
     full = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
         "predictor: tom}", "predictor: tom, quota: 1}"
     )
-    with Site(tmp_path, full) as site:
+    with PageSite(tmp_path, full) as site:
         statuses = [Visitor(site).consent("small").status_code for _ in range(3)]
         assert statuses == [200, 200, 409]
         assert len(site.everybody("small")) == 2
