@@ -70,13 +70,13 @@ def _line(copy: "OwnCheckpoint", users: list[str]) -> str:
 
 
 def _summary(copies: "list[OwnCheckpoint]", unused: "list[OwnCheckpoint]", deleted: bool) -> str:
-    def said(some: "list[OwnCheckpoint]") -> str:
+    def summed(some: "list[OwnCheckpoint]") -> str:
         word = "copy" if len(some) == 1 else "copies"
         return f"{len(some)} {word}, {sum(copy.size for copy in some) / _MB:.1f} MB"
 
     if deleted:
-        return f"deleted: {said(unused)}"
-    return f"kept: {said(copies)}; unused: {said(unused)}{' (--delete-unused deletes them)' if unused else ''}"
+        return f"deleted: {summed(unused)}"
+    return f"kept: {summed(copies)}; unused: {summed(unused)}{' (--delete-unused deletes them)' if unused else ''}"
 
 
 def _refuse(error: Exception, status: int) -> int:

@@ -18,7 +18,7 @@ class PredictorSettings(StrictModel):
     """The predictor that watches the partner, and how its predictions are drawn."""
 
     form: Form = "stream"
-    """stream: remembers earlier timesteps; bundled. window: looks at ten timesteps, as in the paper; bundled for three
+    """stream: remembers earlier timesteps; bundled. window: looks at ten timesteps, as in the paper; bundled for four
     classic kitchens, for others train it first."""
     display: Display = "actions"
     """What of a prediction is drawn. actions: marks for the next steps. intention: an icon at the station that the
