@@ -78,9 +78,9 @@ def test_episode_without_actions_has_its_start(tmp_path: Path) -> None:
         ({**GOOD, "layout": "x" * 5000}, "x"),
         ({**GOOD, "layout": "XXX\nX1\n"}, "row 2, column 3: the row has 2 cells"),
         ("[]", "a line is an object"),
-        ("", "this is no JSON"),
-        ('{"layout": "matrix", "joint', "this is no JSON"),
-        ("[" * 100_000, "this is no JSON"),
+        ("", "this line is not JSON"),
+        ('{"layout": "matrix", "joint', "this line is not JSON"),
+        ("[" * 100_000, "this line is not JSON"),
     ],
 )
 def test_broken_line_is_refused_with_its_number_and_nothing_is_written(
@@ -117,3 +117,11 @@ def test_log_is_never_overwritten(tmp_path: Path) -> None:
     log.write_text(json.dumps(GOOD))
     assert kitchenmind.main(["replay", str(log), "--states", str(log)]) == 2
     assert json.loads(log.read_text()) == GOOD
+
+
+def test_two_results_never_share_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "in.jsonl").write_text(json.dumps(GOOD))
+    out = str(tmp_path / "out")
+    assert kitchenmind.main(["replay", str(tmp_path / "in.jsonl"), "--states", out, "--trajectories", out]) == 2
+    assert "give two names" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["in.jsonl"]
