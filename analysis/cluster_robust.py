@@ -42,7 +42,7 @@ def fit(data: Data) -> ClusterRobust:
         raise FitError("two of its effects cannot be told apart: not every condition was played alike")
     if np.ptp(data.y) <= mixed_model_fit.ROUNDING * np.abs(data.y).max():
         raise FitError("nothing varies apart from the effects")
-    inverse = np.linalg.inv(data.x.T @ data.x)
+    inverse = np.asarray(np.linalg.inv(data.x.T @ data.x), dtype=np.float64)
     beta = inverse @ data.x.T @ data.y
     rest = data.y - data.x @ beta
     parts = [_adjusted(data.x[data.person == person], rest[data.person == person], inverse) for person in _people(data)]

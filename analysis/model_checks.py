@@ -126,7 +126,7 @@ def _learning(base: Result, data: Data, conditions: list[str]) -> list[Result]:
     products = data.x[:, 1 : len(conditions)] * rounds[:, None]
     own = np.column_stack([np.ones(rounds.size), rounds / rounds.std()])
     df = float(data.person.max() + 1 - len(conditions))
-    rows = []
+    rows: list[Result] = []
     for test, columns in (("round", data.x), ("round_by_condition", np.column_stack([data.x, products]))):
         named = replace(base, test=test)
         try:
