@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -51,7 +51,7 @@ class DeclaredEffect:
 
 @dataclass(frozen=True)
 class Declaration:
-    """What the newest of the analysed versions declares. `warning`: not all have the same primary test."""
+    """What the newest of the analysed versions declares. `warning`: not all declare the same."""
 
     primary: DeclaredTest | None = None
     smallest: DeclaredEffect | None = None
@@ -63,21 +63,27 @@ def declaration_of(export: Export) -> Declaration:
     files = study_files(export)
     if not files:
         return Declaration()
-    found = {number: _read(declared_test, text, path) for number, (text, path) in files.items()}
+    primary = {number: _read(declared_test, text, path) for number, (text, path) in files.items()}
+    smallest = {number: _read(declared_effect, text, path) for number, (text, path) in files.items()}
+    found = Declaration(primary[max(primary)], smallest[max(smallest)])
+    warnings = [_late(export, primary, "primary test"), _late(export, smallest, "smallest effect")]
+    return replace(found, warning=" ".join(filter(None, warnings)))
+
+
+def _late(export: Export, found: Mapping[int, object], what: str) -> str:
+    """Return how many took part under a version that declares something else than the newest one; empty if nobody."""
     newest = found[max(found)]
-    smallest = _read(declared_effect, *files[max(files)])
     played = [number for number in export.versions if number in found] or [max(found)]
     others = [number for number in played if found[number] != newest]
     if not others:
-        return Declaration(newest, smallest)
+        return ""
     people = f"{sum(export.versions[number] for number in others)} {export.subjects.participants}"
-    what = "another primary test" if any(found[number] for number in others) else "no primary test"
+    other = f"another {what}" if any(found[number] for number in others) else f"no {what}"
     names = ", ".join(str(number) for number in others)
-    warning = (
-        f"{people} took part under version {names} of the study file, which declares {what}. "
-        "The declaration below was not made before their data."
+    return (
+        f"{people} took part under version {names} of the study file, which declares {other}. "
+        f"The {what} below was not declared before their data."
     )
-    return Declaration(newest, smallest, warning)
 
 
 def study_files(export: Export) -> dict[int, tuple[Mapping[str, Any], Path]]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
-from analysis import compare, mixed_model, mixed_model_fit, random_slopes
+from analysis import cluster_robust, compare, mixed_model, mixed_model_fit, random_slopes
 from analysis.groups import ALL, PeopleGroups, Values, pairs
 from analysis.mixed_model_fit import Array, Data, FitError
 from analysis.results import Result
@@ -72,25 +72,15 @@ def _people(chosen: pl.DataFrame) -> "np.ndarray[tuple[int], np.dtype[np.int64]]
     return np.unique(chosen["participant"].to_numpy(), return_inverse=True)[1]
 
 
-def cluster_robust(data: Data) -> tuple[Values, Array]:
-    """Return least-squares estimates and their covariance with people as clusters, corrected for their number."""
-    if np.linalg.matrix_rank(data.x) < data.x.shape[1]:
-        raise FitError("two of its effects cannot be separated: not every condition was played alike")
-    if np.ptp(data.y) <= mixed_model_fit.ROUNDING * np.abs(data.y).max():
-        raise FitError("nothing varies apart from the effects")
-    inverse = np.linalg.inv(data.x.T @ data.x)
-    beta = inverse @ data.x.T @ data.y
-    scores = data.sums(data.x * (data.y - data.x @ beta)[:, None])  # (people, effects)
-    people, (count, size) = len(scores), data.x.shape
-    correction = people / (people - 1) * (count - 1) / (count - size)
-    return np.asarray(beta), np.asarray(correction * inverse @ scores.T @ scores @ inverse)
-
-
 def _cluster_robust(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> list[Result]:
     person = _people(chosen)
     data = Data(chosen[REWARD].to_numpy().astype(np.float64), mixed_model.fixed_effects(chosen, conditions), person)
-    beta, covariance = cluster_robust(data)
-    return _contrasts(base, beta, covariance, conditions, float(person.max()))
+    fitted = cluster_robust.fit(data)
+    rows = []
+    for pair in pairs(conditions):
+        found = fitted.tested(_weights(pair, conditions, fitted.beta.size))
+        rows.append(_tested(replace(base, contrast=" - ".join(pair)), *found))
+    return rows
 
 
 def _random_slopes(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> list[Result]:
@@ -115,22 +105,43 @@ def _with_round(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> li
     rounds = chosen["number"].to_numpy().astype(np.float64)
     rounds = rounds - rounds.mean()
     plain = mixed_model.fixed_effects(chosen, conditions)
-    products = plain[:, 1 : len(conditions)] * rounds[:, None]
     y, person, size = chosen[REWARD].to_numpy().astype(np.float64), _people(chosen), plain.shape[1]
     together = np.column_stack([plain, rounds])
     if np.linalg.matrix_rank(together) == np.linalg.matrix_rank(plain):
         raise FitError("the round cannot be separated from layout and agent, which came in the same order for all")
-    fitted = mixed_model_fit.fit(Data(y, together, person))
+    data = Data(y, together, person)
+    fitted = mixed_model_fit.fit(data)
     rows = []
     for pair in pairs(conditions):
         weights = _weights(pair, conditions, size + 1)
         rows.append(_weighted(replace(base, contrast=" - ".join(pair)), fitted, weights))
-    rows.append(_weighted(replace(base, test="round"), fitted, np.eye(size + 1)[size]))
-    fitted = mixed_model_fit.fit(Data(y, np.column_stack([plain, rounds, products]), person))
-    for pair in pairs(conditions):
-        weights = np.zeros(len(fitted.beta))
-        weights[size + 1 :] = _weights(pair, conditions, len(conditions))[1:]
-        rows.append(_weighted(replace(base, test="round_by_condition", contrast=" - ".join(pair)), fitted, weights))
+    return [*rows, *_learning(base, data, conditions)]
+
+
+def _learning(base: Result, data: Data, conditions: list[str]) -> list[Result]:
+    """What a round adds, and whether it adds more under a condition, with a slope of the round for each person: people
+    learn at different speeds, and without that the episodes of one person count as independent evidence of learning.
+    Degrees of freedom: the people minus the conditions. `data`: the round is the last effect."""
+    size, rounds = data.x.shape[1] - 1, data.x[:, -1]
+    products = data.x[:, 1 : len(conditions)] * rounds[:, None]
+    own = np.column_stack([np.ones(rounds.size), rounds / rounds.std()])
+    df = float(data.person.max() + 1 - len(conditions))
+    rows: list[Result] = []
+    for test, columns in (("round", data.x), ("round_by_condition", np.column_stack([data.x, products]))):
+        named = replace(base, test=test)
+        try:
+            fitted = random_slopes.fit(replace(data, x=columns), own)
+        except (FitError, np.linalg.LinAlgError) as error:
+            return [*rows, replace(named, note=f"could not be fitted: {error}")]
+        if test == "round":
+            weights = np.eye(columns.shape[1])[size]
+            rows.append(_tested(named, float(fitted.beta[size]), math.sqrt(fitted.covariance[size, size]), df))
+            continue
+        for pair in pairs(conditions):
+            weights = np.zeros(columns.shape[1])
+            weights[size + 1 :] = _weights(pair, conditions, len(conditions))[1:]
+            se = math.sqrt(float(weights @ fitted.covariance @ weights))
+            rows.append(_tested(replace(named, contrast=" - ".join(pair)), float(weights @ fitted.beta), se, df))
     return rows
 
 

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
+from analysis.simulated import LABEL
+
 Values = NDArray[np.float64]
 STUDIES = 2000
 SIZES = (5, 10, 15, 20, 25, 29, 35, 40, 50, 60)
@@ -108,13 +110,15 @@ def curve(
     return [power(design, effect, size, studies, seed) for effect in effects for size in sizes]
 
 
-def write_points(points: Sequence[Power], path: Path) -> None:
-    """The curve as CSV, one row a point."""
+def write_points(points: Sequence[Power], path: Path, simulated: bool = False) -> None:
+    """The curve as CSV, one row a point. `simulated`: its `note` says that a number comes from simulated
+    participants."""
     names = ("effect", "participants", "people", "comparison", "some", "studies")
+    note = LABEL if simulated else ""
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(names)
-        writer.writerows([[getattr(point, name) for name in names] for point in points])
+        writer.writerow((*names, "note"))
+        writer.writerows([[*(getattr(point, name) for name in names), note] for point in points])
 
 
 def exact(design: PowerDesign, effect: float, participants: int) -> float:

@@ -7,6 +7,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+VARIANCES = (
+    "The standard deviations come from simulated participants: no evidence about people. Before you decide on a number "
+    "of participants, use a pilot with people, or try larger values."
+)
 FIGURES = Path(__file__).with_suffix(".json")
 
 

@@ -4,7 +4,7 @@
 #
 # OUT.csv has one number a row: what it is (the first columns of the report's results.csv), its column there, its value.
 # EXPORT_DIR/flags.csv has episode, participant and proposal of the report's quality.csv. On Debian, the packages are
-# r-cran-lmertest, -pbkrtest, -ordinal, -emmeans, -afex, -car, -effectsize, -sandwich, -psych and -rpact.
+# r-cran-lmertest, -pbkrtest, -ordinal, -emmeans, -afex, -car, -effectsize, -clubsandwich, -psych and -rpact.
 
 suppressPackageStartupMessages({
   library(lmerTest)
@@ -38,6 +38,7 @@ for (part in parts) source(file.path(scripts, "support", "r", paste0(part, ".R")
 rows <- do.call(rbind, out$rows)
 rows$value <- sprintf("%.15g", rows$value)
 write.csv(rows, arguments[2], row.names = FALSE, quote = TRUE)
-used <- c("lme4", "lmerTest", "pbkrtest", "ordinal", "emmeans", "afex", "car", "effectsize", "sandwich", "psych", "rpact")
+used <- c("lme4", "lmerTest", "pbkrtest", "ordinal", "emmeans", "afex", "car", "effectsize", "clubSandwich", "psych",
+          "rpact")
 versions <- sapply(used, function(name) as.character(packageVersion(name)))
 cat(sprintf("R %s.%s", R.version$major, R.version$minor), paste(names(versions), versions), sep = "\n")

@@ -51,7 +51,7 @@ TABLE: tuple[tuple[str, str, tuple[tuple[str, str], ...]], ...] = (
     ("Welch's t-tests, Cliff's delta", "t.test, aov", (("reward", "welch_t_test"),)),
     ("assumptions", "shapiro.test, car", (("assumptions", ""),)),
     ("mixed model of reward", "lme4, lmerTest", (("mixed model", ""),)),
-    ("cluster-robust errors", "sandwich::vcovCL", (("robustness", "cluster_robust"),)),
+    ("cluster-robust errors", "clubSandwich (CR2)", (("robustness", "cluster_robust"),)),
     ("random slopes", "lme4", (("robustness", "random_slopes"), ("robustness", "slope_sd"))),
     ("round as covariate", "lme4, lmerTest", (("robustness", "with_round"), ("robustness", "round"),
      ("robustness", "round_by_condition"))),

@@ -3,6 +3,8 @@
 from typing import Final
 
 OTHER_NAMES: Final = {
+    "simple": "cramped_room",
+    "unident_s": "asymmetric_advantages",
     "random0": "forced_coordination",
     "random1": "coordination_ring",
     "random3": "counter_circuit",

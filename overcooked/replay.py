@@ -105,7 +105,7 @@ def _fields_of(line: bytes) -> dict[str, Any]:
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError) as error:
-        raise ReplayError(f"this is not JSON ({error})") from None
+        raise ReplayError(f"this is not JSON ({error}). Write one JSON object per line.") from None
     if not isinstance(fields, dict):
         raise ReplayError('a line is an object with "layout" and "joint_actions"')
     return fields
@@ -180,6 +180,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise ReplayError("nothing to write: give --states OUT.jsonl or --trajectories OUT.json")
         if source.resolve() in [target.resolve() for target in (states, trajectories) if target]:
             raise ReplayError(f"{source} would be overwritten: give another name to write to")
+        if states and trajectories and states.resolve() == trajectories.resolve():
+            raise ReplayError(f"{states} is given for both --states and --trajectories: give two names")
         if states is not None:
             print(f"{write_replays(source, states)} episodes replayed to {states}")
         if trajectories is not None:

@@ -131,7 +131,8 @@ def trajectories_in(data: bytes, path: str) -> Iterator[Played]:
         states = columns["ep_states" if "ep_states" in columns else "ep_observations"]
         episodes = list(zip(states, columns["ep_actions"], columns["mdp_params"], strict=True))
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise TrajectoryError(f"{path}: these are not trajectories of overcooked_ai ({error!r})") from None
+        what = f"these are not trajectories of overcooked_ai ({error!r:.80})"
+        raise TrajectoryError(f"{path}: {what}. Give a file with `ep_states`, `ep_actions` and `mdp_params`.") from None
     for number, (states, actions, parameters) in enumerate(episodes):
         try:
             yield _checked_episode(states, actions, parameters)

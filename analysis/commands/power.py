@@ -27,6 +27,7 @@ class StudyPlan:
     within: tuple[str, ...] = ()  # factors of which each participant meets all levels, in blocks
     left_out: tuple[str, ...] = ()  # combinations of levels that the study does not have
     answer_sds: tuple[float, float] | None = None  # between and within people, of the primary test's question
+    simulated: bool = False  # the variances come from simulated participants
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,10 +92,12 @@ def run(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         print(f"kitchenmind power: {error}", file=sys.stderr)
         return 2
-    for line in () if plan.within else _curve(design, participants, arguments):
+    for line in () if plan.within else _curve(design, plan, participants, arguments):
         print(line)
     if arguments.simulated_effect:
         print(simulated_effect.source())
+    if plan.simulated:
+        print(simulated_effect.VARIANCES)
     for line in (
         *_factor_lines(design, plan, participants, arguments),
         *_primary_lines(design, plan, participants, arguments),
@@ -105,15 +108,17 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _curve(design: "PowerDesign", participants: int, arguments: argparse.Namespace) -> Iterator[str]:
-    """Write the curve for two conditions; a sentence for every effect."""
+def _curve(design: "PowerDesign", plan: StudyPlan, participants: int, arguments: argparse.Namespace) -> Iterator[str]:
+    """Write the curve for two conditions, labelled where any of its numbers is simulated; a sentence for every
+    effect."""
     from analysis import figure_style, figures, power
 
     sizes = power.sizes_for(design, arguments.effect, participants)
     points = power.curve(design, arguments.effect, sizes, arguments.studies, arguments.seed)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    figure_style.save(figures.power(points, participants), arguments.out, "power")
-    power.write_points(points, arguments.out / "power.csv")
+    simulated = plan.simulated or arguments.simulated_effect
+    figure_style.save(figures.power(points, participants), arguments.out, "power", simulated)
+    power.write_points(points, arguments.out / "power.csv", simulated)
     for effect in dict.fromkeys(arguments.effect):
         yield power.sentence(design, points, effect, participants)
 
@@ -168,7 +173,8 @@ def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int
         plan = _from_study(arguments.source)
         if arguments.pilot is not None:
             pilot = _from_export(arguments.pilot, arguments, plan.declared)
-            plan = replace(plan, person_sd=pilot.person_sd, residual_sd=pilot.residual_sd, answer_sds=pilot.answer_sds)
+            names = ("person_sd", "residual_sd", "answer_sds", "simulated")
+            plan = replace(plan, **{name: getattr(pilot, name) for name in names})
     person_sd = plan.person_sd if arguments.person_sd is None else arguments.person_sd
     residual_sd = plan.residual_sd if arguments.residual_sd is None else arguments.residual_sd
     if person_sd is None or residual_sd is None:
@@ -231,6 +237,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
         declared or declaration_of(export).primary,
         factors={name: len(levels) for name, levels in factors.items()},
         within=within,
+        simulated=export.is_simulated,
     )
     if plan.declared is None:
         return plan

@@ -58,7 +58,7 @@ def records_of(data: bytes, name: str) -> list[dict[str, Any]]:
     except (ReplayError, TrajectoryError) as error:
         raise UnreadableGamesError(str(error)) from None
     if not episodes:
-        raise UnreadableGamesError(f"{name}: there is no episode in this file")
+        raise UnreadableGamesError(f"{name}: there is no episode in this file. Open a file with recorded games.")
     timesteps = sum(len(episode.joint_actions) for episode in episodes)
     if timesteps > MAX_TIMESTEPS:
         raise UnreadableGamesError(

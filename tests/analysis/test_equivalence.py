@@ -139,3 +139,12 @@ def test_only_what_is_set_is_tested(planted_folder: Path, tmp_path: Path) -> Non
     rows = equivalence_rows(smallest, episodes, answers, ("none", "tom"), ("tom", "none"))
     assert [(row.test, row.layout) for row in rows] == [("equivalence", "matrix"), ("difference", "matrix")]
     assert not math.isnan(rows[0].p)
+
+
+def test_a_smallest_effect_that_came_after_some_data_is_named(planted_folder: Path, tmp_path: Path) -> None:
+    texts = ("smallest_effect: {reward: 2}\n", "smallest_effect: {reward: 9}\n")
+    found = declaration_of(read_export(declaring(planted_folder, tmp_path / "data", *texts)))
+    assert found.smallest == DeclaredEffect(9.0)
+    assert "24 simulated participants took part under version 1" in found.warning
+    assert "another smallest effect" in found.warning
+    assert "primary test" not in found.warning

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from scipy import stats
+from scipy import linalg, stats
 from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM
 
@@ -49,19 +49,38 @@ def people(episodes: pl.DataFrame) -> np.ndarray:
     return np.unique(episodes["participant"].to_numpy(), return_inverse=True)[1]
 
 
-def test_cluster_robust_errors_are_statsmodels(episodes: pl.DataFrame, rows: list[Result]) -> None:
-    theirs = OLS(episodes["reward"].to_numpy(), columns(episodes)).fit(
-        cov_type="cluster", cov_kwds={"groups": people(episodes)}, use_t=True
-    )
-    tom, random, between = select(rows, test="cluster_robust")
-    both = theirs.t_test(np.eye(8)[2] - np.eye(8)[1])
-    assert (tom.estimate, tom.se, tom.p) == pytest.approx((theirs.params[2], theirs.bse[2], theirs.pvalues[2]))
-    assert (between.estimate, between.se) == pytest.approx((theirs.params[1], theirs.bse[1]))
-    assert (random.estimate, random.se, random.p) == pytest.approx(
-        (float(both.effect[0]), float(np.squeeze(both.sd)), float(both.pvalue))
-    )
-    assert (tom.estimate_low, tom.estimate_high) == pytest.approx(tuple(theirs.conf_int()[2]))
-    assert tom.df == 35
+def by_whole_matrices(y: np.ndarray, x: np.ndarray, person: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
+    """Standard error and degrees of freedom of CR2, with every matrix written out (Pustejovsky and Tipton 2018)."""
+    leverage = x @ np.linalg.pinv(x)
+    left = np.eye(len(y)) - leverage
+    along = x @ np.linalg.inv(x.T @ x) @ weights
+    parts = []
+    for number in range(person.max() + 1):
+        own = person == number
+        root = linalg.fractional_matrix_power(left[np.ix_(own, own)], -0.5).real
+        parts.append(left[own].T @ root @ along[own])
+    forms = np.stack(parts, axis=1)  # (episodes, people): the squares of e'p add up to the variance
+    whole = forms @ forms.T
+    return float(np.sqrt(y @ whole @ y)), float(np.trace(whole) ** 2 / np.trace(whole @ whole))
+
+
+def test_cluster_robust_errors_are_those_of_bell_and_mccaffrey(episodes: pl.DataFrame, rows: list[Result]) -> None:
+    y, x, person = episodes["reward"].to_numpy(), columns(episodes), people(episodes)
+    theirs = OLS(y, x).fit(cov_type="cluster", cov_kwds={"groups": person}, use_t=True)
+    weights = {TOM: np.eye(8)[2], "tom - random": np.eye(8)[2] - np.eye(8)[1], "random - none": np.eye(8)[1]}
+    for row in select(rows, test="cluster_robust"):
+        se, df = by_whole_matrices(y, x, person, weights[row.contrast])
+        assert (row.estimate, row.se, row.df) == pytest.approx((weights[row.contrast] @ theirs.params, se, df))
+        assert row.p == pytest.approx(2 * stats.t.sf(abs(row.estimate / se), df))
+        plain = float(np.squeeze(theirs.t_test(weights[row.contrast]).sd))
+        assert plain < row.se < 1.1 * plain  # 36 people: a small correction
+
+
+def test_a_person_who_alone_has_a_layout_does_not_break_the_correction(episodes: pl.DataFrame) -> None:
+    alone = episodes.filter((pl.col("layout") != "matrix") | (pl.col("participant") == episodes["participant"][0]))
+    row = select(model_checks.model_rows(alone, CONDITIONS), test="cluster_robust", contrast=TOM)[0]
+    assert row.se > 0
+    assert 1 < row.df < 36
 
 
 def test_random_slopes_are_no_worse_than_statsmodels(episodes: pl.DataFrame, rows: list[Result]) -> None:
@@ -106,14 +125,41 @@ def test_rounds_are_a_covariate(episodes: pl.DataFrame, rows: list[Result]) -> N
     x = np.column_stack([columns(episodes), number - number.mean()])
     y, person = episodes["reward"].to_numpy(), people(episodes)
     theirs = MixedLM(y, x, person).fit(reml=True, method=["powell", "bfgs"])
-    tom, slope = select(rows, test="with_round", contrast=TOM)[0], select(rows, test="round")[0]
+    tom = select(rows, test="with_round", contrast=TOM)[0]
     assert (tom.estimate, tom.se) == pytest.approx((theirs.fe_params[2], theirs.bse_fe[2]), rel=0.01)
-    assert (slope.estimate, slope.se) == pytest.approx((theirs.fe_params[8], theirs.bse_fe[8]), rel=0.01)
+
+
+def test_people_have_slopes_of_their_own_where_learning_is_tested(episodes: pl.DataFrame, rows: list[Result]) -> None:
+    number = episodes["number"].to_numpy().astype(float)
+    rounds = number - number.mean()
+    x = np.column_stack([columns(episodes), rounds])
+    y, person = episodes["reward"].to_numpy(), people(episodes)
+    own = np.column_stack([np.ones(rounds.size), rounds / rounds.std()])
+    theirs = MixedLM(y, x, person, exog_re=own).fit(reml=True, method=["powell", "bfgs"])
+    slope = select(rows, test="round")[0]
+    assert (slope.estimate, slope.se) == pytest.approx((theirs.fe_params[8], theirs.bse_fe[8]), rel=0.03)
     product = (x[:, 1:3].T * x[:, 8]).T
-    theirs = MixedLM(y, np.column_stack([x, product]), person).fit(reml=True, method=["powell", "bfgs"])
+    theirs = MixedLM(y, np.column_stack([x, product]), person, exog_re=own).fit(reml=True, method=["powell", "bfgs"])
     faster = select(rows, test="round_by_condition", contrast=TOM)[0]
-    assert (faster.estimate, faster.se) == pytest.approx((theirs.fe_params[10], theirs.bse_fe[10]), rel=0.01)
+    assert (faster.estimate, faster.se) == pytest.approx((theirs.fe_params[10], theirs.bse_fe[10]), rel=0.03)
     assert faster.estimate == pytest.approx(2, abs=1.5)  # as planted
+    assert slope.df == faster.df == 33
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_unequal_speeds_of_learning_are_rarely_taken_for_an_effect_of_the_condition() -> None:
+    """Few people who learn at different speeds, whatever the condition."""
+    alarms = dict.fromkeys(("cluster_robust", "round", "round_by_condition"), 0)
+    for seed in range(300):
+        table = episodes_of(World(arm=6), seed)[0].with_columns(number=pl.int_range(pl.len()) % 10 + 1)
+        speed = np.random.default_rng(seed).normal(0, 3, 12)[people(table.filter(pl.col("condition") != "random"))]
+        table = table.filter(pl.col("condition") != "random")
+        table = table.with_columns(reward=pl.col("reward") + pl.Series(speed) * (pl.col("number") - 5.5))
+        for row in model_checks.model_rows(table, ("none", "tom")):
+            if row.test in alarms:
+                alarms[row.test] += row.p < 0.05
+    assert all(count <= stats.binom.ppf(0.9995, 300, 0.05) for count in alarms.values()), alarms
 
 
 def test_simple_effects_are_t_tests_over_people(episodes: pl.DataFrame) -> None:

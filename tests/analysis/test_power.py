@@ -26,6 +26,7 @@ from analysis.power import (
     sizes_for,
     t_test_p,
 )
+from analysis.simulated import LABEL
 from analysis.synthetic import Truth, write_export
 
 DESIGN = PowerDesign(person_sd=8, residual_sd=14)
@@ -182,6 +183,8 @@ def test_one_of_two_studies_is_chosen_for_power(
     (tmp_path / "study.yaml").write_text("layouts: [a, b]\nagents: [c, d]\n")
     words += ["--pilot", str(folder), "--study", "simulated"]
     assert kitchenmind.main(["power", str(tmp_path / "study.yaml"), *words]) == 0
+    assert simulated_effect.VARIANCES in capsys.readouterr().out
+    assert LABEL in (tmp_path / "out" / "power.svg").read_text(encoding="utf-8")
 
 
 def test_the_simulated_effect_is_a_source_that_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -192,6 +195,8 @@ def test_the_simulated_effect_is_a_source_that_is_named(tmp_path: Path, capsys: 
     assert f"The effect of {simulated_effect.points():g} points comes from simulated participants" in said
     assert f"a true difference of {simulated_effect.points():g} points is found" in said
     assert "no evidence about people" in said
+    assert LABEL in (tmp_path / "out" / "power.svg").read_text(encoding="utf-8")
+    assert f",{LABEL}\n" in (tmp_path / "out" / "power.csv").read_text(encoding="utf-8")
 
 
 def test_power_without_any_effect_is_refused_with_the_remedy(

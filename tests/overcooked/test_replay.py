@@ -117,3 +117,11 @@ def test_log_is_never_overwritten(tmp_path: Path) -> None:
     log.write_text(json.dumps(GOOD))
     assert kitchenmind.main(["replay", str(log), "--states", str(log)]) == 2
     assert json.loads(log.read_text()) == GOOD
+
+
+def test_two_results_never_share_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "in.jsonl").write_text(json.dumps(GOOD))
+    out = str(tmp_path / "out")
+    assert kitchenmind.main(["replay", str(tmp_path / "in.jsonl"), "--states", out, "--trajectories", out]) == 2
+    assert "give two names" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["in.jsonl"]

@@ -39,11 +39,11 @@ put("mixed model", "condition_by_layout", c(statistic = ratio$Chisq[2], df = rat
   p = ratio$`Pr(>Chisq)`[2]), "all", "all")
 
 plain <- lm(reward ~ condition + agent + layout, episodes)
-covariance <- sandwich::vcovCL(plain, cluster = episodes$participant, type = "HC1")
+covariance <- quiet(clubSandwich::vcovCR(plain, cluster = episodes$participant, type = "CR2"))
 for (pair in PAIRS) {
-  weights <- contrast_weights(pair, names(coef(plain)))
-  put("robustness", "cluster_robust", tested(sum(weights * coef(plain)), sqrt(c(weights %*% covariance %*% weights)),
-    nrow(of_people) - 1), "all", "all", contrast = named(pair))
+  weights <- matrix(contrast_weights(pair, names(coef(plain))), 1)
+  found <- quiet(clubSandwich::linear_contrast(plain, covariance, contrasts = weights, test = "Satterthwaite"))
+  put("robustness", "cluster_robust", tested(found$Est, found$SE, found$df), "all", "all", contrast = named(pair))
 }
 
 slopes <- quiet(lmer(reward ~ condition + agent + layout + (agent | participant), episodes, control = tight))
@@ -60,8 +60,17 @@ put("robustness", "slope_sd", c(estimate = unname(slope)), "all", "sp")  # sp ag
 episodes$round <- episodes$number - mean(episodes$number)
 with_round <- quiet(lmer(reward ~ condition + agent + layout + round + (1 | participant), episodes, control = tight))
 put_contrasts(with_round, "robustness", "with_round")
-put("robustness", "round", contest_of(with_round, as.numeric(names(fixef(with_round)) == "round")), "all", "all")
-products <- quiet(update(with_round, . ~ . + condition:round))
+# A slope of the round for each person, in units in which the two variances are alike.
+episodes$turn <- episodes$round / sd(episodes$round)
+df <- nrow(of_people) - length(CONDITIONS)
+learning <- quiet(lmer(reward ~ condition + agent + layout + round + (turn | participant), episodes, control = tight))
+put_learning <- function(test, model, weights, contrast = "") {
+  estimate <- sum(weights * fixef(model))
+  se <- sqrt(c(weights %*% as.matrix(vcov(model)) %*% weights))
+  put("robustness", test, tested(estimate, se, df), "all", "all", contrast = contrast)
+}
+put_learning("round", learning, as.numeric(names(fixef(learning)) == "round"))
+products <- quiet(update(learning, . ~ . + condition:round))
 for (pair in PAIRS) {
   names <- names(fixef(products))
   weights <- setNames(numeric(length(names)), names)
@@ -69,7 +78,7 @@ for (pair in PAIRS) {
     name <- grep(sprintf("^(condition%1$s:round|round:condition%1$s)$", pair[if (sign == 1) 1 else 2]), names)
     weights[name] <- sign
   }
-  put("robustness", "round_by_condition", contest_of(products, weights), "all", "all", contrast = named(pair))
+  put_learning("round_by_condition", products, weights, named(pair))
 }
 
 if (!within) for (places in list(lapply(LAYOUTS, c, "all"), lapply(AGENTS, function(agent) c("all", agent)))) {
