@@ -23,10 +23,9 @@ from playwright.async_api import Browser, Page, async_playwright
 from websockets.asyncio.client import ClientConnection
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+sys.path.insert(0, str(ROOT))
 
-from serve import Player, Server, cpu_s, lateness_ms, to_the_game  # noqa: E402
-
+from benchmarks.serve import LoadPlayer, MeasuredServer, add_server_options, cpu_s, lateness_ms, to_the_game  # noqa: E402
 from server.bots.participant import Bot  # noqa: E402
 from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium  # noqa: E402
 
@@ -57,7 +56,7 @@ class DashboardFigures:
         return round(self.p99_watched_ms - self.p99_alone_ms, 2)
 
 
-class WatchedGame(Player):
+class WatchedGame(LoadPlayer):
     """A light bot that records when each timestep arrived."""
 
     def __init__(self, bot: Bot) -> None:
@@ -73,7 +72,7 @@ class WatchedGame(Player):
         await super()._answer(socket, frame)
 
 
-def account(server: Server) -> str:
+def account(server: MeasuredServer) -> str:
     """Create a researcher; return the password."""
     words = ["admin", "--database", f"sqlite:///{server.database}", "create", "mara", "--role", "act"]
     line = [sys.executable, str(ROOT / "kitchenmind"), *words]
@@ -135,7 +134,7 @@ def browser_cpu_s() -> float:
     return total
 
 
-async def fill(server: Server, games: int) -> tuple[list[WatchedGame], list[asyncio.Task[None]]]:
+async def fill(server: MeasuredServer, games: int) -> tuple[list[WatchedGame], list[asyncio.Task[None]]]:
     players: list[WatchedGame] = []
     tasks: list[asyncio.Task[None]] = []
     while len(players) < games:
@@ -150,7 +149,7 @@ async def fill(server: Server, games: int) -> tuple[list[WatchedGame], list[asyn
 
 async def run(arguments: argparse.Namespace) -> DashboardFigures:
     with tempfile.TemporaryDirectory() as folder:
-        server = Server(Path(folder), arguments)
+        server = MeasuredServer(Path(folder), arguments)
         password = account(server)
         players, tasks = await fill(server, arguments.games)
         try:
@@ -168,7 +167,7 @@ async def run(arguments: argparse.Namespace) -> DashboardFigures:
 
 
 async def watch(
-    server: Server, page: Page, players: list[WatchedGame], arguments: argparse.Namespace
+    server: MeasuredServer, page: Page, players: list[WatchedGame], arguments: argparse.Namespace
 ) -> DashboardFigures:
     """Alternate windows without and with an open page."""
     alone: list[Any] = []
@@ -207,10 +206,7 @@ def main() -> None:
     parser.add_argument("--window-s", type=float, default=12.0)
     parser.add_argument("--turns", type=int, default=3, help="windows with and without an open page")
     parser.add_argument("--chromium", default=installed_chromium())
-    parser.add_argument("--agent", default="sp")
-    parser.add_argument("--form", default="stream", choices=["window", "stream"])
-    parser.add_argument("--server-cores", type=int, nargs="+", default=[1])
-    parser.add_argument("--bot-cores", type=int, nargs="+", default=[0])
+    add_server_options(parser)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     os.sched_setaffinity(0, set(arguments.bot_cores))

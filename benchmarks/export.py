@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+sys.path.insert(0, str(ROOT))
 
-from store import PEOPLE, fill_study  # noqa: E402
-
+from benchmarks.store import PEOPLE, fill_study  # noqa: E402
 from server.store.database import Database  # noqa: E402
 from server.store.migrate import migrate  # noqa: E402
 

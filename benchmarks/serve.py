@@ -221,17 +221,22 @@ async def _fill(server: MeasuredServer, players: list[LoadPlayer], tasks: list[a
             await bot.close()
 
 
+def add_server_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a `MeasuredServer`, and the cores of its bots."""
+    parser.add_argument("--agent", default="sp")
+    parser.add_argument("--form", default="stream", choices=["window", "stream"])
+    parser.add_argument("--server-cores", type=int, nargs="+", default=[1])
+    parser.add_argument("--bot-cores", type=int, nargs="+", default=[0])
+    parser.add_argument("--avx2", action="store_true", help="the server uses no AVX-512 instructions")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--games", type=int, nargs="+", default=[1, 50, 100, 200, 300, 400, 500, 600, 700])
     parser.add_argument("--window-s", type=float, default=15.0)
     parser.add_argument("--until-ms", type=float, default=20.0, help="stop above this p99 lateness")
     parser.add_argument("--until-late-share", type=float, default=0.001, help="stop above this share of late partners")
-    parser.add_argument("--agent", default="sp")
-    parser.add_argument("--form", default="stream", choices=["window", "stream"])
-    parser.add_argument("--server-cores", type=int, nargs="+", default=[1])
-    parser.add_argument("--bot-cores", type=int, nargs="+", default=[0])
-    parser.add_argument("--avx2", action="store_true", help="the server uses no AVX-512 instructions")
+    add_server_options(parser)
     parser.add_argument("--json", action="store_true", help="print one list for programs")
     arguments = parser.parse_args()
     os.sched_setaffinity(0, set(arguments.bot_cores))

@@ -24,8 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from engine import FIRST_STEP  # noqa: E402
-
+from benchmarks.engine import FIRST_STEP  # noqa: E402
 from benchmarks.processor import described  # noqa: E402
 from benchmarks.support.process_cpu import cpu_s  # noqa: E402
 from server.bots.local_server import LOCAL  # noqa: E402

@@ -20,10 +20,9 @@ import numpy as np
 from sqlalchemy import text
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+sys.path.insert(0, str(ROOT))
 
-from store import SPEC, tick  # noqa: E402
-
+from benchmarks.store import SPEC, tick  # noqa: E402
 from server.store import episodes, fences  # noqa: E402
 from server.store.database import Database  # noqa: E402
 from server.store.migrate import migrate  # noqa: E402

@@ -25,7 +25,19 @@ SHORTER = {  # added to a command that begins so
     + " --no-intentions",
     "kitchenmind evaluate predictor": "--trajectories 1",
     "kitchenmind serve": "--port 0",
+    "kitchenmind agent serve": "--port 0",
 }
+MY_MODULE = """
+import numpy as np
+
+
+class MyAgent:
+    def __init__(self, layout):
+        self.layout = layout
+
+    def probabilities(self, observations):
+        return np.full((len(observations), 6), 1 / 6)
+"""
 
 
 def blocks(language: str) -> list[str]:
@@ -47,7 +59,7 @@ def checkout(tmp_path_factory) -> Path:
 
 def edit_as_the_guide_says(study: Path) -> None:
     """Put the guide's agents in the place of those in the file."""
-    (agents,) = blocks("yaml")
+    *_, agents = blocks("yaml")
     text, changed = re.subn(r"^agents:\n(  - .*\n)+", agents, study.read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert changed == 1
     study.write_text(text, encoding="utf-8")
@@ -74,15 +86,20 @@ def page_of(process: "subprocess.Popen[str]") -> str:
 @pytest.mark.slow
 def test_every_command_of_the_guide_works_in_its_order(checkout: Path) -> None:
     said = {}
+    (checkout / "my_module.py").write_text(MY_MODULE, encoding="utf-8")
+    expected = {"kitchenmind serve": "my_study", "kitchenmind agent serve": '"observations"'}
     for line in commands():
-        if line.startswith("kitchenmind serve"):
+        served = next((text for begin, text in expected.items() if line.startswith(begin)), None)
+        if served is not None:
             process = guide_checkout.started(line, checkout, SHORTER)
             try:
-                assert "my_study" in page_of(process)
+                assert served in page_of(process)
             finally:
                 process.send_signal(signal.SIGINT)
                 process.communicate(timeout=60)
             continue
+        if line.startswith("curl"):
+            continue  # `page_of` has just asked the same
         said[line] = guide_checkout.done(line, checkout, SHORTER)
         if line.startswith("kitchenmind study new"):
             edit_as_the_guide_says(checkout / "my_study.yaml")

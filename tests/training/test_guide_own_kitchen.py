@@ -56,8 +56,8 @@ def test_the_commands_of_the_guide_train_all_agents_of_an_own_kitchen(checkout: 
     block = re.search(r"^```\n(.*?)^```$", LAST, re.MULTILINE | re.DOTALL)
     assert block is not None
     plan, train = block[1].splitlines()
-    assert "0 of 16 tasks done" in done(plan, checkout)
-    assert "16 of 16 tasks done" in done(train, checkout)
+    assert "0 of 20 tasks done" in done(plan, checkout)
+    assert "20 of 20 tasks done" in done(train, checkout)
     weights = checkout / "models" / "weights" / "nook"
     cards = {card.parent.name for card in weights.glob("*/card.md")}
     assert {"sp", "fcp", "sp_predictor_stream", "fcp_predictor_stream"} <= cards
