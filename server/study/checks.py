@@ -219,9 +219,8 @@ def _episodes(study: Study) -> Iterator[Problem]:
     count = episodes_of_a_block(study) * study.blocks
     for index, number in enumerate(study.breaks.after):
         if not 1 <= number < count:
-            yield Problem(
-                ("breaks", "after", index), f"there is no break after episode {number}", f"Use 1 to {count - 1}."
-            )
+            remedy = f"Use 1 to {count - 1}." if count > 1 else "Leave `breaks.after` empty: the study has one episode."
+            yield Problem(("breaks", "after", index), f"there is no break after episode {number}", remedy)
     if study.order.rule == "paper" and len(study.agents) != 2:
         yield Problem(
             ("order", "rule"), "the paper's rule alternates two agents", "List two agents, or use `latin_square`."

@@ -81,6 +81,11 @@ def test_both_sides_follow_each_other_and_say_what_is_wrong_at_the_field_and_at_
     expect(page.locator("#problems")).to_contain_text(f"Line {line}, duration_min")
     minutes.fill("24")
     expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
+    yaml_of(page).fill(f"{text}game: {{horizon: long}}\n")
+    page.get_by_role("button", name=re.compile(r"^game\.horizon: ")).click()
+    expect(at(page, "game", "horizon").locator("input")).to_be_focused()  # its section was closed
+    page.get_by_role("button", name=re.compile(r"^Line \d+$")).click()
+    expect(yaml_of(page)).to_be_focused()
     yaml_of(page).fill("name: [")
     expect(page.locator("#problems")).to_contain_text("this is no YAML")
     expect(page.locator("#form")).to_have_attribute("inert", "")
