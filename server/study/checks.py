@@ -10,7 +10,6 @@ from pydantic import BaseModel
 from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Condition, Study
 from server.study.locale import languages
-from server.study.order import episode_order
 from server.study.published_scales import scale_languages
 from server.study.questionnaire import (
     ChoiceQuestion,
@@ -21,7 +20,7 @@ from server.study.questionnaire import (
     asked,
     questions_of,
 )
-from server.study.steps import episodes_of, episodes_of_a_block
+from server.study.steps import episodes_of, episodes_of_a_block, order_of_all_blocks
 from server.study.text import Text
 
 EVERY_CONDITION: Final = "all"
@@ -76,7 +75,7 @@ def balance(study: Study, participants: int = 60) -> dict[str, Counter[tuple[str
     agents: Counter[tuple[str, int]] = Counter()
     for number in range(participants):
         row = number // len(study.conditions)  # the number within the condition
-        for place, (layout, agent) in enumerate(episode_order(study, participant_seed(study, number), row)):
+        for place, (layout, agent) in enumerate(order_of_all_blocks(study, participant_seed(study, number), row)):
             layouts[layout, place] += 1
             agents[agent, place] += 1
     return {"layout": layouts, "agent": agents}
