@@ -1,6 +1,6 @@
 // One field of the study builder: a label, an input, its description, and its problems.
 
-import { make } from './elements.js';
+import { make, withCode } from './elements.js';
 
 /** @typedef {import('./builder-plan.js').PlanNode} PlanNode */
 /** @typedef {import('./builder-session.js').Operation} Operation */
@@ -49,12 +49,11 @@ function framed(node, parts, controls) {
 }
 
 /**
- * Return a key's description; `words` in backquotes are names.
+ * Return a key's description.
  * @param {string} help
  */
 export function helpOf(help) {
-  const pieces = help.split('`').map((words, index) => (index % 2 ? make('code', { text: words }) : words));
-  return make('p', { className: 'help' }, ...pieces);
+  return make('p', { className: 'help' }, ...withCode(help));
 }
 
 /** @param {(string | number)[]} path */

@@ -3,6 +3,7 @@
 import { findAll } from '../browser/dom.js';
 import { keyOf } from './builder-fields.js';
 import { focusInside } from './builder-open-blocks.js';
+import { withCode } from './elements.js';
 
 /** @typedef {import('./builder-requests.js').Problem} Problem */
 
@@ -52,7 +53,7 @@ export function showProblems(form, problems) {
     const place = nearestBlock(form, problem.path);
     const words = place?.querySelector(':scope > .wrong, :scope > .inside > .wrong');
     if (!(place instanceof HTMLElement) || !(words instanceof HTMLElement)) continue;
-    words.textContent = problem.text;
+    words.replaceChildren(...withCode(problem.text));
     words.className = `wrong${problem.warning ? ' warn' : ''}`;
     words.hidden = false;
     if (problem.warning) continue;

@@ -11,7 +11,7 @@ import { DraftRequests } from './builder-requests.js';
 import { DraftSaving, SAVING } from './builder-saving.js';
 import { DraftSession } from './builder-session.js';
 import { YamlPane } from './builder-yaml.js';
-import { make } from './elements.js';
+import { make, withCode } from './elements.js';
 
 /** @typedef {import('./builder-requests.js').Problem} Problem */
 
@@ -152,10 +152,9 @@ function list(problems) {
   const items = problems.map((one) => {
     const line = make('button', { className: 'link', type: 'button', text: `Line ${one.line}` });
     line.addEventListener('click', () => goToLine(one.line));
-    const field = make('button', { className: 'link', type: 'button', text: `${place(one)}${one.text}` });
+    const field = make('button', { className: 'link', type: 'button' }, place(one), ...withCode(one.text));
     field.addEventListener('click', () => goToField(one));
-    const between = one.path.length ? ', ' : ': ';
-    return make('li', { className: one.warning ? 'warn' : 'bad' }, make('div', {}, line, between, field));
+    return make('li', { className: one.warning ? 'warn' : 'bad' }, make('div', {}, line, field));
   });
   const none = make('li', { className: 'none', text: 'No problems: the study can be opened.' });
   find('#problems', HTMLElement).replaceChildren(...(items.length ? items : [none]));
