@@ -43,7 +43,7 @@ function framed(node, parts, controls) {
   const field = make('div', { className: 'field', 'data-path': keyOf(node.path) }, ...parts);
   const wrong = make('p', { className: 'wrong', id: `field-${++count}`, hidden: '' });
   field.append(wrong);
-  if (node.help) field.append(helpOf(node.help));
+  if (node.help) field.append(helpOf(node.help + exampleOf(node)));
   for (const control of controls) control.setAttribute('aria-describedby', wrong.id);
   return field;
 }
@@ -54,6 +54,16 @@ function framed(node, parts, controls) {
  */
 export function helpOf(help) {
   return make('p', { className: 'help' }, ...withCode(help));
+}
+
+/**
+ * Return what may stand in a field, as one would type it; the values of a choice are there already.
+ * @param {PlanNode} node
+ */
+function exampleOf({ kind, schema }) {
+  const example = schema.examples?.[0];
+  if (example === undefined || !['text', 'number', 'names'].includes(kind)) return '';
+  return ` For example \`${Array.isArray(example) ? example.join(', ') : example}\`.`;
 }
 
 /** @param {(string | number)[]} path */

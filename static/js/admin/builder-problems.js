@@ -27,6 +27,14 @@ function nearestBlock(form, path) {
 }
 
 /**
+ * Return the input of a field that a problem is about: of a text that lacks a language, the empty one.
+ * @param {Element} field
+ */
+function controlIn(field) {
+  return field.querySelector('.missing [data-control]') ?? field.querySelector('[data-control]');
+}
+
+/**
  * Give the focus to the field of a place of the study, or to the block that it is in.
  * @param {HTMLElement} form
  * @param {(string | number)[]} path
@@ -34,7 +42,7 @@ function nearestBlock(form, path) {
  */
 export function leadTo(form, path) {
   const place = form.inert ? null : nearestBlock(form, path);
-  const field = place?.querySelector(place.matches('.field') ? '[data-control]' : 'summary, button, [data-control]');
+  const field = place?.matches('.field') ? controlIn(place) : place?.querySelector('summary, button, [data-control]');
   if (!(field instanceof HTMLElement)) return false;
   focusInside(field);
   return true;
@@ -57,7 +65,7 @@ export function showProblems(form, problems) {
     words.className = `wrong${problem.warning ? ' warn' : ''}`;
     words.hidden = false;
     if (problem.warning) continue;
-    if (place.matches('.field')) place.querySelector('[data-control]')?.setAttribute('aria-invalid', 'true');
+    if (place.matches('.field')) controlIn(place)?.setAttribute('aria-invalid', 'true');
     for (let up = place.closest('details'); up; up = up.parentElement?.closest('details') ?? null) count(up);
   }
 }
