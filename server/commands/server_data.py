@@ -9,8 +9,8 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class ServerData:
-    """Where a server keeps its data. What is None is as in the settings. The folder has the trained models, and also the
-    database unless `database` is given."""
+    """Where a server keeps its data. What is None is as in the settings. The folder has the trained models, and the
+    database too unless `database` is given."""
 
     data: Path | None = None
     database: str | None = None
