@@ -46,7 +46,9 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: PageSite, file
     closed = researcher.post(f"/admin/drafts/{draft}/close", study="pilot").text
     assert "The study is closed" in closed
     assert 'href="/admin/s/pilot"' in closed
-    assert Visitor(site).get("/s/pilot").status_code == 409
+    refused = Visitor(site).get("/s/pilot")
+    assert refused.status_code == 409
+    assert "This study has ended" in refused.text, "not that its places are taken"
     assert "/s/pilot" not in Visitor(site).get("/").text
     assert early.get("/s/pilot/now").status_code == 200, "participants who have begun continue"
     assert early.get("/s/pilot/withdraw").status_code == 200
