@@ -194,7 +194,7 @@ def test_the_simulated_effect_is_a_source_that_is_named(tmp_path: Path, capsys: 
     said = capsys.readouterr().out
     assert f"The effect of {simulated_effect.points():g} points comes from simulated participants" in said
     assert f"a true difference of {simulated_effect.points():g} points is found" in said
-    assert "no evidence about people" in said
+    assert "not evidence about people" in said
     assert LABEL in (tmp_path / "out" / "power.svg").read_text(encoding="utf-8")
     assert f",{LABEL}\n" in (tmp_path / "out" / "power.csv").read_text(encoding="utf-8")
 
