@@ -8,14 +8,20 @@ from server.required_models import required_models
 from server.settings import Settings
 from server.store import kitchens
 from server.study.loader import StudyError, StudyFile
+from server.study.own_languages import LanguageError, use_languages_beside
 from server.study_check import missing_problems
 
 log = logging.getLogger(__name__)
 
 
 def playable_studies(settings: Settings) -> list[StudyFile]:
-    """Return the studies that can be played. Raises StudyError for an invalid file or a missing agent or predictor; if
-    there are several studies in local mode, those without their models are left out instead."""
+    """Return the studies that can be played; studies that are opened in the dashboard have the languages of the data
+    folder. Raises StudyError for an invalid file or a missing agent or predictor; if there are several studies in local
+    mode, those without their models are left out instead."""
+    try:
+        use_languages_beside(settings.data)
+    except LanguageError as error:
+        raise StudyError(error.lines) from None
     served, reasons = [], []
     for path in settings.studies:
         grids = partial(kitchens.grids_at, settings.database)

@@ -28,7 +28,7 @@ VARIANTS: dict[str, Variant] = {
     "guess: station": Variant(repeats=False),
     "credulous": Variant(credulous=True),
 }
-SEED = 20_261_126
+FIRST_SEED, FRESH_SEED = 20_261_126, 20_271_126  # only version 2 of the participants played the fresh one
 AT_ONCE = 50  # episodes in a batch; batches alternate the participant's seat
 POINTS = 20
 
@@ -43,6 +43,7 @@ class Cell:
     shown: str
     variant: str = "all"
     right: float = 1.0
+    seed: int = FIRST_SEED
 
     @property
     def name(self) -> str:
@@ -96,7 +97,7 @@ def _play(layout: Layout, cell: Cell, games: range, seat: int, horizon: int) -> 
     predictor = load_predictor(f"{cell.agent}_predictor_stream", layout) if cell.shown == TOM else None
     if predictor is not None:
         predictor.begin(np.arange(len(games)))
-    chance = np.random.default_rng((SEED, games[0], round(1000 * cell.right)))
+    chance = np.random.default_rng((cell.seed, games[0], round(1000 * cell.right)))
     events = np.zeros((len(games), PLAYERS), np.int32)
     points, collisions = np.zeros(len(games)), np.zeros(len(games))
     shown, done = [], []
@@ -116,8 +117,8 @@ def _play(layout: Layout, cell: Cell, games: range, seat: int, horizon: int) -> 
 def _begun(layout: Layout, cell: Cell, games: range, seat: int) -> _Batch:
     variant = VARIANTS[cell.variant]
     kitchens = Kitchens.start(layout, len(games))
-    uniforms = np.stack([np.random.default_rng((SEED, game)).random(HORIZON + ARROWS) for game in games], 1)
-    people = [person(SEED + game, seat, variant) for game in games]
+    uniforms = np.stack([np.random.default_rng((cell.seed, game)).random(HORIZON + ARROWS) for game in games], 1)
+    people = [person(cell.seed + game, seat, variant) for game in games]
     still = np.full((len(games), PLAYERS), STAY, np.int64)
     stuck = Stuck(kitchens.players[:, 1 - seat])
     agent = load_agent(cell.agent, layout)

@@ -32,8 +32,8 @@ Every command of `kitchenmind`. `kitchenmind COMMAND --help` says the same. The 
 something failed, 2 for wrong input, and 130 after Ctrl+C. Write options in full.
 
 For a server that runs with `kitchenmind serve --data DIR`, give other commands the same `--data DIR`: they use the same
-database, kitchens and trained models. `--database URL` names only a database; with both, it is at URL. Without either,
-it uses what the [settings](settings.md) say, as `kitchenmind serve` does.
+database, kitchens and trained models. `--database URL` names only a database; with both, the database is at URL.
+Without either, it uses what the [settings](settings.md) say, as `kitchenmind serve` does.
 
 `python -m docs.generate` writes this page from the code.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 @dataclass(frozen=True)
 class ServerData:
     """Where a server keeps its data. What is None is as in the settings. The folder has the trained models, and the
-    database unless `database` is given."""
+    database too unless `database` is given."""
 
     data: Path | None = None
     database: str | None = None

@@ -10,7 +10,6 @@ from pydantic import BaseModel
 from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Condition, Study
 from server.study.locale import languages
-from server.study.order import episode_order
 from server.study.published_scales import scale_languages
 from server.study.questionnaire import (
     ChoiceQuestion,
@@ -21,7 +20,7 @@ from server.study.questionnaire import (
     asked,
     questions_of,
 )
-from server.study.steps import episodes_of, episodes_of_a_block
+from server.study.steps import episodes_of, episodes_of_a_block, order_of_all_blocks
 from server.study.text import Text
 
 EVERY_CONDITION: Final = "all"
@@ -76,7 +75,7 @@ def balance(study: Study, participants: int = 60) -> dict[str, Counter[tuple[str
     agents: Counter[tuple[str, int]] = Counter()
     for number in range(participants):
         row = number // len(study.conditions)  # the number within the condition
-        for place, (layout, agent) in enumerate(episode_order(study, participant_seed(study, number), row)):
+        for place, (layout, agent) in enumerate(order_of_all_blocks(study, participant_seed(study, number), row)):
             layouts[layout, place] += 1
             agents[agent, place] += 1
     return {"layout": layouts, "agent": agents}
@@ -109,7 +108,7 @@ def _names(study: Study) -> Iterator[Problem]:
         if language not in languages():
             reason = f"the platform itself has no words in {language!r}: its buttons will be English"
             made = f"`kitchenmind study words {language}` makes locales/{language}.yaml next to the study"
-            remedy = f"{made}, which you translate."
+            remedy = f"{made}, which you translate. For a draft of the dashboard, add the server's data folder to it."
             yield Problem(("languages",), reason, remedy, warning=True)
     if len(set(study.languages)) < len(study.languages):
         yield Problem(("languages",), "a language is there twice", "Name each once.")
@@ -219,9 +218,8 @@ def _episodes(study: Study) -> Iterator[Problem]:
     count = episodes_of_a_block(study) * study.blocks
     for index, number in enumerate(study.breaks.after):
         if not 1 <= number < count:
-            yield Problem(
-                ("breaks", "after", index), f"there is no break after episode {number}", f"Use 1 to {count - 1}."
-            )
+            remedy = f"Use 1 to {count - 1}." if count > 1 else "Leave `breaks.after` empty: the study has one episode."
+            yield Problem(("breaks", "after", index), f"there is no break after episode {number}", remedy)
     if study.order.rule == "paper" and len(study.agents) != 2:
         yield Problem(
             ("order", "rule"), "the paper's rule alternates two agents", "List two agents, or use `latin_square`."

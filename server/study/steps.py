@@ -76,9 +76,7 @@ def position(sequence: tuple[StudyStep, ...], key: str) -> int:
 
 def _episodes(study: Study, seed: int, number: int) -> list[StudyStep]:
     sequence: list[StudyStep] = []
-    order = episode_order(study, seed, number)
-    for later in range(1, study.blocks):
-        order += episode_order(study, derived_seed(seed, "block", later), number)
+    order = order_of_all_blocks(study, seed, number)
     for turn, (layout, agent) in enumerate(order, start=1):
         block = block_of(study, turn)
         step = StudyStep("", "ready", "rounds", number=turn, layout=layout, agent=agent, block=block)
@@ -91,6 +89,14 @@ def _episodes(study: Study, seed: int, number: int) -> list[StudyStep]:
         if turn in study.breaks.after and turn < len(order):
             sequence.append(StudyStep(f"break-{name}", "break", "rounds", number=turn, block=block))
     return sequence
+
+
+def order_of_all_blocks(study: Study, seed: int, number: int) -> tuple[tuple[str, str], ...]:
+    """Return the layout and agent of each episode of a participant, block after block."""
+    order = episode_order(study, seed, number)
+    for later in range(1, study.blocks):
+        order += episode_order(study, derived_seed(seed, "block", later), number)
+    return order
 
 
 def block_of(study: Study, number: int) -> int:

@@ -78,9 +78,16 @@ def test_both_sides_follow_each_other_and_say_what_is_wrong_at_the_field_and_at_
     expect(at(page, "duration_min").locator(".wrong")).to_contain_text("not a whole number")
     line = yaml_of(page).input_value().splitlines().index("duration_min: soon") + 1
     expect(page.locator("#gutter .bad")).to_have_text(str(line))
-    expect(page.locator("#problems")).to_contain_text(f"Line {line}, duration_min")
+    expect(page.get_by_role("button", name=f"Line {line}", exact=True)).to_be_visible()
+    expect(page.get_by_role("button", name=re.compile("^duration_min: 'soon' is not"))).to_be_visible()
     minutes.fill("24")
     expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
+    yaml_of(page).fill(f"{text}order: {{rule: paper}}\n")
+    page.get_by_role("button", name=re.compile(r"^order\.rule: ")).click()
+    expect(at(page, "order", "rule").locator("select")).to_be_focused()  # its section was closed
+    expect(at(page, "order", "rule").locator(".wrong code")).to_have_text("latin_square")
+    page.get_by_role("button", name=re.compile(r"^Line \d+$")).click()
+    expect(yaml_of(page)).to_be_focused()
     yaml_of(page).fill("name: [")
     expect(page.locator("#problems")).to_contain_text("this is not YAML")
     expect(page.locator("#form")).to_have_attribute("inert", "")

@@ -89,7 +89,7 @@ async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, part
     if before is None and await web.database.read(progress.is_paused, study.name):
         return _paused(made)
     if before is None and study.name in await web.database.read(study_openings.closed):
-        return made.render("participant/full.html", 409)
+        return made.render("participant/closed.html", 409)
     context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
     template = "participant/welcome_back.html" if before is not None else "participant/consent.html"
     return made.render(template, **context)
@@ -164,8 +164,10 @@ async def _enrol(made: PageResponse, arrival: progress.ConsentArrival) -> Respon
         return _paused(made)
     except progress.AlreadyFinished:
         return made.render("participant/finished.html", 409)
-    except (StudyFullError, StudyClosed):
+    except StudyFullError:
         return made.render("participant/full.html", 409)
+    except StudyClosed:
+        return made.render("participant/closed.html", 409)
     return None
 
 

@@ -1,6 +1,6 @@
 // One field of the study builder: a label, an input, its description, and its problems.
 
-import { make } from './elements.js';
+import { make, withCode } from './elements.js';
 
 /** @typedef {import('./builder-plan.js').PlanNode} PlanNode */
 /** @typedef {import('./builder-session.js').Operation} Operation */
@@ -43,18 +43,27 @@ function framed(node, parts, controls) {
   const field = make('div', { className: 'field', 'data-path': keyOf(node.path) }, ...parts);
   const wrong = make('p', { className: 'wrong', id: `field-${++count}`, hidden: '' });
   field.append(wrong);
-  if (node.help) field.append(helpOf(node.help));
+  if (node.help) field.append(helpOf(node.help + exampleOf(node)));
   for (const control of controls) control.setAttribute('aria-describedby', wrong.id);
   return field;
 }
 
 /**
- * Return a key's description; `words` in backquotes are names.
+ * Return a key's description.
  * @param {string} help
  */
 export function helpOf(help) {
-  const pieces = help.split('`').map((words, index) => (index % 2 ? make('code', { text: words }) : words));
-  return make('p', { className: 'help' }, ...pieces);
+  return make('p', { className: 'help' }, ...withCode(help));
+}
+
+/**
+ * Return what may stand in a field, as one would type it; the values of a choice are there already.
+ * @param {PlanNode} node
+ */
+function exampleOf({ kind, schema }) {
+  const example = schema.examples?.[0];
+  if (example === undefined || !['text', 'number', 'names'].includes(kind)) return '';
+  return ` For example \`${Array.isArray(example) ? example.join(', ') : example}\`.`;
 }
 
 /** @param {(string | number)[]} path */

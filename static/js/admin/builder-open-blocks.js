@@ -27,3 +27,12 @@ export function openAfter(opened, operation) {
   });
   return new Set(after);
 }
+
+/**
+ * Open every block around a field, and give it the focus, which scrolls to it.
+ * @param {HTMLElement} field
+ */
+export function focusInside(field) {
+  for (let up = field.closest('details'); up; up = up.parentElement?.closest('details') ?? null) up.open = true;
+  field.focus();
+}

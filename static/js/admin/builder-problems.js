@@ -2,6 +2,8 @@
 
 import { findAll } from '../browser/dom.js';
 import { keyOf } from './builder-fields.js';
+import { focusInside } from './builder-open-blocks.js';
+import { withCode } from './elements.js';
 
 /** @typedef {import('./builder-requests.js').Problem} Problem */
 
@@ -16,6 +18,37 @@ export function blockAt(form, path) {
 }
 
 /**
+ * Return the innermost field or block that a place of the study is in.
+ * @param {HTMLElement} form
+ * @param {(string | number)[]} path
+ */
+function nearestBlock(form, path) {
+  return path.map((_, index) => blockAt(form, path.slice(0, path.length - index))).find(Boolean);
+}
+
+/**
+ * Return the input of a field that a problem is about: of a text that lacks a language, the empty one.
+ * @param {Element} field
+ */
+function controlIn(field) {
+  return field.querySelector('.missing [data-control]') ?? field.querySelector('[data-control]');
+}
+
+/**
+ * Give the focus to the field of a place of the study, or to the block that it is in.
+ * @param {HTMLElement} form
+ * @param {(string | number)[]} path
+ * @returns {boolean} whether the form can show it
+ */
+export function leadTo(form, path) {
+  const place = form.inert ? null : nearestBlock(form, path);
+  const field = place?.matches('.field') ? controlIn(place) : place?.querySelector('summary, button, [data-control]');
+  if (!(field instanceof HTMLElement)) return false;
+  focusInside(field);
+  return true;
+}
+
+/**
  * Say at the fields what is wrong; a section says how much is wrong in it.
  * @param {HTMLElement} form
  * @param {Problem[]} problems
@@ -25,15 +58,14 @@ export function showProblems(form, problems) {
   for (const badge of findAll('summary .badge', HTMLElement, form)) badge.hidden = true;
   for (const control of findAll('[aria-invalid]', HTMLElement, form)) control.removeAttribute('aria-invalid');
   for (const problem of [...problems].reverse()) {
-    const found = problem.path.map((_, index) => blockAt(form, problem.path.slice(0, problem.path.length - index)));
-    const place = found.find(Boolean);
+    const place = nearestBlock(form, problem.path);
     const words = place?.querySelector(':scope > .wrong, :scope > .inside > .wrong');
     if (!(place instanceof HTMLElement) || !(words instanceof HTMLElement)) continue;
-    words.textContent = problem.text;
+    words.replaceChildren(...withCode(problem.text));
     words.className = `wrong${problem.warning ? ' warn' : ''}`;
     words.hidden = false;
     if (problem.warning) continue;
-    if (place.matches('.field')) place.querySelector('[data-control]')?.setAttribute('aria-invalid', 'true');
+    if (place.matches('.field')) controlIn(place)?.setAttribute('aria-invalid', 'true');
     for (let up = place.closest('details'); up; up = up.parentElement?.closest('details') ?? null) count(up);
   }
 }

@@ -1,5 +1,6 @@
 // Texts that lack a language: marked at their fields, counted for each language, and found one after the other.
 
+import { focusInside } from './builder-open-blocks.js';
 import { make } from './elements.js';
 
 /** @typedef {import('./builder-plan.js').PlanNode} PlanNode */
@@ -58,9 +59,8 @@ export class MissingTexts {
     const fields = this.found.get(language) ?? [];
     const next = fields[(fields.indexOf(/** @type {Control} */ (this.last)) + 1) % fields.length];
     if (!next) return;
-    for (let up = next.closest('details'); up; up = up.parentElement?.closest('details') ?? null) up.open = true;
     this.last = next;
-    next.focus();
+    focusInside(next);
   }
 }
 

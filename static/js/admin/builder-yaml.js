@@ -68,6 +68,11 @@ export class YamlPane {
     const at = lines.slice(0, line - 1).reduce((sum, words) => sum + words.length + 1, 0);
     this.area.focus();
     this.area.setSelectionRange(at, at + (lines[line - 1]?.length ?? 0));
+    this.scrollTo(line);
+  }
+
+  /** @param {number} line from 1 */
+  scrollTo(line) {
     const height = Number.parseFloat(getComputedStyle(this.area).lineHeight);
     this.area.scrollTop = Math.max(0, (line - 5) * height);
   }

@@ -6,11 +6,12 @@ import { askForText } from './builder-conflict.js';
 import { keyOf } from './builder-fields.js';
 import { DraftForm } from './builder-form.js';
 import { KitchenDialog } from './builder-kitchens.js';
+import { leadTo } from './builder-problems.js';
 import { DraftRequests } from './builder-requests.js';
 import { DraftSaving, SAVING } from './builder-saving.js';
 import { DraftSession } from './builder-session.js';
 import { YamlPane } from './builder-yaml.js';
-import { make } from './elements.js';
+import { make, withCode } from './elements.js';
 
 /** @typedef {import('./builder-requests.js').Problem} Problem */
 
@@ -149,12 +150,11 @@ function list(problems) {
   find('#problem-count', HTMLElement).textContent = words;
   find('[data-count]', HTMLElement).textContent = problems.length ? `(${problems.length})` : '';
   const items = problems.map((one) => {
-    const button = make('button', { className: 'link', type: 'button' }, `${place(one)}${one.text}`);
-    button.addEventListener('click', () => {
-      choosePane('yaml');
-      pane.goTo(one.line);
-    });
-    return make('li', { className: one.warning ? 'warn' : 'bad' }, make('div', {}, button));
+    const line = make('button', { className: 'link', type: 'button', text: `Line ${one.line}` });
+    line.addEventListener('click', () => goToLine(one.line));
+    const field = make('button', { className: 'link', type: 'button' }, place(one), ...withCode(one.text));
+    field.addEventListener('click', () => goToField(one));
+    return make('li', { className: one.warning ? 'warn' : 'bad' }, make('div', {}, line, field));
   });
   const none = make('li', { className: 'none', text: 'No problems: the study can be opened.' });
   find('#problems', HTMLElement).replaceChildren(...(items.length ? items : [none]));
@@ -162,7 +162,20 @@ function list(problems) {
 
 /** @param {Problem} problem */
 function place(problem) {
-  return `Line ${problem.line}${problem.path.length ? `, ${problem.path.join('.')}` : ''}: `;
+  return problem.path.length ? `${problem.path.join('.')}: ` : '';
+}
+
+/** @param {number} line */
+function goToLine(line) {
+  choosePane('yaml');
+  pane.goTo(line);
+}
+
+/** @param {Problem} problem */
+function goToField(problem) {
+  choosePane('form');
+  if (leadTo(form.place, problem.path)) pane.scrollTo(problem.line);
+  else goToLine(problem.line);
 }
 
 /** @param {string} name */

@@ -23,6 +23,15 @@ export function make(tag, { text, className, ...attributes } = {}, ...children) 
 }
 
 /**
+ * Return a text as nodes: `words` in backquotes are names or commands.
+ * @param {string} text
+ * @returns {(Node | string)[]}
+ */
+export function withCode(text) {
+  return text.split('`').map((words, index) => (index % 2 ? make('code', { text: words }) : words));
+}
+
+/**
  * 75 -> 1:15
  * @param {number} seconds
  */

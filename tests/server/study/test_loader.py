@@ -99,6 +99,11 @@ def test_a_last_look_beyond_the_quotas_is_refused() -> None:
     assert primary.looks == (10, 18)
 
 
+def test_a_break_in_a_study_of_one_episode_is_refused_with_what_helps() -> None:
+    text = Path("studies/quick_look.yaml").read_text("utf-8") + "breaks: {after: [1]}\n"
+    assert "no break after episode 1. Leave `breaks.after` empty: the study has one episode." in errors(text)[0]
+
+
 def test_list_with_a_wrong_item_is_not_called_empty_too() -> None:
     assert len(errors(SMALL_STUDY.replace("{name: planner, predictor", "{name: planner, predictr"))) == 1
 

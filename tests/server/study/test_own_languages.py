@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from server.playable_studies import playable_studies
+from server.settings import Settings
 from server.study import locale as locales
 from server.study import own_languages
 from server.study.loader import StudyError, load_study
@@ -45,6 +47,18 @@ def test_the_file_has_every_entry_empty_next_to_the_english_text(study: Path) ->
     assert '  start: ""  # Take part' in lines
     assert 'minutes: ""  # {minutes} min' in lines
     assert all(any(line.endswith(f"# {words}") for line in lines) for words in ENGLISH.values())
+
+
+def test_a_server_finds_the_languages_of_its_data_folder_for_studies_made_in_the_dashboard(tmp_path: Path) -> None:
+    settings = Settings(data=tmp_path, studies=(Path("studies/quick_look.yaml"),))
+    assert run("study", "words", "tlh", str(tmp_path)).returncode == 0
+    path = tmp_path / "locales" / "tlh.yaml"
+    path.write_text(path.read_text("utf-8").replace('name: ""', "name: tlhIngan Hol"), "utf-8")
+    playable_studies(settings)
+    assert locales.locale("tlh").name == "tlhIngan Hol"
+    path.write_text("name: [\n", "utf-8")
+    with pytest.raises(StudyError, match=r"tlh\.yaml:"):
+        playable_studies(settings)
 
 
 def test_the_loader_finds_what_is_translated_and_shows_the_rest_in_english(study: Path) -> None:

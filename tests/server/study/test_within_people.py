@@ -6,6 +6,7 @@ import pytest
 
 from server.participation.episode_specs import episode_spec, models_of
 from server.study.assignment import Count, next_condition
+from server.study.checks import balance
 from server.study.definition import Study
 from server.study.factors import arms
 from server.study.loader import StudyError, parse_study
@@ -66,6 +67,12 @@ def test_a_round_shows_what_its_block_has_and_the_practice_shows_marks() -> None
     tutorial = next(step for step in way if step.kind == "tutorial")
     assert episode_spec(made, tutorial, "on_order_1", "en").shown == "predictor"
     assert {step.block for step in way if step.kind == "questionnaire" and step.number} == {1, 2}
+
+
+def test_the_balance_counts_the_episodes_of_all_blocks() -> None:
+    for counts in balance(study(FACTORS), 12).values():
+        met = [sum(count for (_, at), count in counts.items() if at == place) for place in range(8)]
+        assert met == [12] * 8
 
 
 def test_models_of_all_blocks_are_loaded() -> None:

@@ -46,7 +46,9 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: PageSite, file
     closed = researcher.post(f"/admin/drafts/{draft}/close", study="pilot").text
     assert "The study is closed" in closed
     assert 'href="/admin/s/pilot"' in closed
-    assert Visitor(site).get("/s/pilot").status_code == 409
+    refused = Visitor(site).get("/s/pilot")
+    assert refused.status_code == 409
+    assert "This study has ended" in refused.text, "not that its places are taken"
     assert "/s/pilot" not in Visitor(site).get("/").text
     assert early.get("/s/pilot/now").status_code == 200, "participants who have begun continue"
     assert early.get("/s/pilot/withdraw").status_code == 200
@@ -148,8 +150,8 @@ def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_
     assert command in first["text"]
     opened(researcher, draft, 3)
     page = researcher.get("/admin/s/pilot").text
-    assert words in page
-    assert command in page
+    assert words.replace("`with`", "<code>with</code>").replace("`random`", "<code>random</code>") in page
+    assert f"<code>{command}" in page
 
 
 def test_an_open_study_is_served_after_a_restart_and_by_another_process(site: PageSite, file: Path) -> None:
