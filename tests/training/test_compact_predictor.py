@@ -15,7 +15,7 @@ from models.networks.predictor import PredictorNetwork, predictor_network
 from overcooked.layout import load_layout
 from training.collect import CollectionPlan, Target
 from training.compact_predictor import with_baseline
-from training.evaluate_intentions import SaidIntentions, intention_entry
+from training.evaluate_intentions import EvaluatedIntentions, intention_entry
 from training.evaluate_predictor import evaluate, logits
 from training.publish_intentions import write_intentions
 from training.publish_predictor import population_folder, unseen_games, write_predictor
@@ -41,7 +41,7 @@ def folders(games, tmp_path_factory):
     folder = tmp_path_factory.mktemp("weights")
     network = PredictorNetwork(RING, SMALL, IntentionConfig(hidden=64))
     write_predictor(folder / "before", network, RING, target, found, {"updates": 7})
-    one = intention_entry(SaidIntentions(*(np.zeros(1, np.int64) for _ in fields(SaidIntentions))), RING)
+    one = intention_entry(EvaluatedIntentions(*(np.zeros(1, np.int64) for _ in fields(EvaluatedIntentions))), RING)
     write_intentions(load_checkpoint(folder / "before"), network.intentions, one, {"states": 1}, folder / "before")
     assert _compact(folder / "before", "--out", str(folder / "after")) == 0
     return folder / "before", folder / "after"
