@@ -19,7 +19,7 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
-from benchmarks.support import kept_figures  # noqa: E402
+from benchmarks.support import kept_figures, published_recipe  # noqa: E402
 from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 
@@ -148,6 +148,7 @@ def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -
             "",
             *_with_human(by_cell, figures["with_human_bc"]),
             *_next_interactions(by_cell),
+            *_published_recipe(),
             END,
         ]
     )
@@ -247,6 +248,31 @@ def _next_interactions(by_cell: Mapping[tuple[str, str, str], Mapping[str, Any]]
             [f"{name}, mean error of when, timesteps", *(f"{entry['when_error']:.1f}" for entry in cells)],
         ]
     return [*lines, *_table(_head(), rows), ""]
+
+
+def _published_recipe() -> list[str]:
+    """Return the table of what the preset `published` has finished."""
+    found = {(entry["layout"], entry["agent"], entry["form"]): entry for entry in published_recipe.predictors()}
+    points, rows, below = published_recipe.points(), [], []
+    for agent in AGENTS:
+        name = agent.upper()
+        rows.append([f"{name}, the paper", *(f"{value:.2f}" for value in PUBLISHED[agent, "offline"])])
+        for form in ("window", "stream"):
+            cells = [found.get((layout, agent, form)) for layout in LAYOUTS]
+            for layout, one, paper in zip(_head()[1:], cells, PUBLISHED[agent, "offline"], strict=True):
+                below += [f"{name} ({form}) in {layout}"] if one and one["accuracy"]["mean"] <= paper else []
+            rows.append(
+                [f"**{name}, {form}**", *(f"**{one['accuracy']['mean']:.2f}**" if one else "–" for one in cells)]
+            )
+            rows.append(
+                [
+                    "step 1 / its ceiling",
+                    *(f"{one['accuracy']['step1']:.1f} / {one['ceiling_step1']:.1f}" if one else "–" for one in cells),
+                ]
+            )
+        rows.append([f"{name}, points with itself", *(points.get((layout, agent), "–") for layout in LAYOUTS)])
+    missed = [f"Not above the paper's figure: {', '.join(below)}.", ""] if below else []
+    return [*published_recipe.WORDS, "", *_table(_head(), rows), "", *missed]
 
 
 def _share_of_both(values: Mapping[str, Any]) -> str:
