@@ -26,7 +26,7 @@ class ClusterRobust:
     bent: Array  # (people, effects, effects): X'A X of each person
     plain: Array  # (people, effects, effects): X'A A X of each person
 
-    def tested(self, weights: Array) -> tuple[float, float, float]:
+    def estimate(self, weights: Array) -> tuple[float, float, float]:
         """Return the weighted sum of effects, its standard error and degrees of freedom."""
         along = self.inverse @ weights
         variance = float(((self.scores @ along) ** 2).sum())

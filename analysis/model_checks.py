@@ -15,6 +15,7 @@ from analysis.results import Result
 SECTION = "robustness"
 REWARD = "reward"
 SIMPLE = "simple effects"
+Estimate = Callable[[Values], tuple[float, float, float]]  # a weighted sum of effects, its standard error and df
 
 
 def model_rows(episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
@@ -59,13 +60,19 @@ def _tested(base: Result, estimate: float, se: float, df: float) -> Result:
     return mixed_model.with_t_test(base, estimate, se, df)
 
 
-def _contrasts(base: Result, beta: Values, covariance: Array, conditions: Sequence[str], df: float) -> list[Result]:
-    rows = []
-    for pair in pairs(conditions):
-        weights = _weights(pair, conditions, beta.size)
-        se = math.sqrt(float(weights @ covariance @ weights))
-        rows.append(_tested(replace(base, contrast=" - ".join(pair)), float(weights @ beta), se, df))
-    return rows
+def _differences(base: Result, conditions: Sequence[str], size: int, estimate: Estimate) -> list[Result]:
+    """Return every difference between two conditions. `size`: the number of effects that `estimate` weights."""
+    return [
+        _tested(replace(base, contrast=" - ".join(pair)), *estimate(_weights(pair, conditions, size)))
+        for pair in pairs(conditions)
+    ]
+
+
+def _estimate(fitted: mixed_model_fit.Fit | random_slopes.SlopesFit, df: Callable[[Values], float]) -> Estimate:
+    def estimate(weights: Values) -> tuple[float, float, float]:
+        return float(weights @ fitted.beta), math.sqrt(float(weights @ fitted.covariance @ weights)), df(weights)
+
+    return estimate
 
 
 def _people(chosen: pl.DataFrame) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
@@ -76,11 +83,7 @@ def _cluster_robust(base: Result, chosen: pl.DataFrame, conditions: list[str]) -
     person = _people(chosen)
     data = Data(chosen[REWARD].to_numpy().astype(np.float64), mixed_model.fixed_effects(chosen, conditions), person)
     fitted = cluster_robust.fit(data)
-    rows = []
-    for pair in pairs(conditions):
-        found = fitted.tested(_weights(pair, conditions, fitted.beta.size))
-        rows.append(_tested(replace(base, contrast=" - ".join(pair)), *found))
-    return rows
+    return _differences(base, conditions, fitted.beta.size, fitted.estimate)
 
 
 def _random_slopes(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> list[Result]:
@@ -93,7 +96,7 @@ def _random_slopes(base: Result, chosen: pl.DataFrame, conditions: list[str]) ->
     own = np.stack([np.ones(chosen.height), *((chosen["agent"] == name).to_numpy() for name in agents[1:])], axis=1)
     fitted = random_slopes.fit(data, own.astype(np.float64))
     df = float(person.max() + 1 - len(conditions))
-    rows = _contrasts(base, fitted.beta, fitted.covariance, conditions, df)
+    rows = _differences(base, conditions, fitted.beta.size, _estimate(fitted, lambda _: df))
     for index, name in enumerate(agents[1:], start=1):
         sd = math.sqrt(max(0.0, float(fitted.between[index, index])))
         rows.append(replace(base, test="slope_sd", agent=name, estimate=sd, unit="people"))
@@ -105,49 +108,39 @@ def _with_round(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> li
     rounds = chosen["number"].to_numpy().astype(np.float64)
     rounds = rounds - rounds.mean()
     plain = mixed_model.fixed_effects(chosen, conditions)
-    y, person, size = chosen[REWARD].to_numpy().astype(np.float64), _people(chosen), plain.shape[1]
     together = np.column_stack([plain, rounds])
     if np.linalg.matrix_rank(together) == np.linalg.matrix_rank(plain):
         raise FitError("the round cannot be separated from layout and agent, which came in the same order for all")
-    data = Data(y, together, person)
+    data = Data(chosen[REWARD].to_numpy().astype(np.float64), together, _people(chosen))
     fitted = mixed_model_fit.fit(data)
-    rows = []
-    for pair in pairs(conditions):
-        weights = _weights(pair, conditions, size + 1)
-        rows.append(_weighted(replace(base, contrast=" - ".join(pair)), fitted, weights))
+    rows = _differences(base, conditions, together.shape[1], _estimate(fitted, fitted.degrees))
     return [*rows, *_learning(base, data, conditions)]
 
 
 def _learning(base: Result, data: Data, conditions: list[str]) -> list[Result]:
-    """What a round adds, and whether it adds more under a condition, with a slope of the round for each person: people
-    learn at different speeds, and without that the episodes of one person count as independent evidence of learning.
-    Degrees of freedom: the people minus the conditions. `data`: the round is the last effect."""
-    size, rounds = data.x.shape[1] - 1, data.x[:, -1]
+    """Return what a round adds, and whether it adds more under a condition, with a slope of the round for each person:
+    people learn at different speeds, and without that the episodes of one person count as independent evidence of
+    learning. Degrees of freedom: the people minus the conditions. `data`: the round is the last effect."""
+    size, rounds = data.x.shape[1], data.x[:, -1]
     products = data.x[:, 1 : len(conditions)] * rounds[:, None]
     own = np.column_stack([np.ones(rounds.size), rounds / rounds.std()])
     df = float(data.person.max() + 1 - len(conditions))
+
+    def fitted(x: Array) -> Estimate:
+        return _estimate(random_slopes.fit(replace(data, x=x), own), lambda _: df)
+
+    tests = [replace(base, test=test) for test in ("round", "round_by_condition")]
     rows: list[Result] = []
-    for test, columns in (("round", data.x), ("round_by_condition", np.column_stack([data.x, products]))):
-        named = replace(base, test=test)
-        try:
-            fitted = random_slopes.fit(replace(data, x=columns), own)
-        except (FitError, np.linalg.LinAlgError) as error:
-            return [*rows, replace(named, note=f"could not be fitted: {error}")]
-        if test == "round":
-            weights = np.eye(columns.shape[1])[size]
-            rows.append(_tested(named, float(fitted.beta[size]), math.sqrt(fitted.covariance[size, size]), df))
-            continue
-        for pair in pairs(conditions):
-            weights = np.zeros(columns.shape[1])
-            weights[size + 1 :] = _weights(pair, conditions, len(conditions))[1:]
-            se = math.sqrt(float(weights @ fitted.covariance @ weights))
-            rows.append(_tested(replace(named, contrast=" - ".join(pair)), float(weights @ fitted.beta), se, df))
-    return rows
+    try:
+        rows.append(_tested(tests[0], *fitted(data.x)(np.eye(size)[-1])))
+        each = fitted(np.column_stack([data.x, products]))
+    except (FitError, np.linalg.LinAlgError) as error:
+        return [*rows, replace(tests[len(rows)], note=f"could not be fitted: {error}")]
 
+    def more(weights: Values) -> tuple[float, float, float]:
+        return each(np.concatenate([np.zeros(size), weights[1:]]))
 
-def _weighted(base: Result, fitted: mixed_model_fit.Fit, weights: Values) -> Result:
-    se = math.sqrt(float(weights @ fitted.covariance @ weights))
-    return _tested(base, float(weights @ fitted.beta), se, fitted.degrees(weights))
+    return [*rows, *_differences(tests[1], conditions, len(conditions), more)]
 
 
 def simple_effects(

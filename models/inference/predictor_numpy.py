@@ -84,7 +84,7 @@ class _Games:
         self._kept[0][slots] = 0
 
     def add_intentions(self, decoder: NumpyIntentions) -> None:
-        """From now on `intentions` says what this decoder makes of the tokens; `predict` stays as it is."""
+        """Let `intentions` return what this decoder predicts from the tokens; `predict` stays as it is."""
         self._intentions = decoder
 
     def intentions(

@@ -11,15 +11,23 @@ from server.store.engines import normal_url, shown
 from server.store.kitchens import grids_at
 from server.study.loader import StudyError, StudyFile
 
-REMEDY = "Give the right one with --data DIR or --database URL."
+_REMEDY = "Give the right one with --data DIR or --database URL."
+
+
+class NoStoredData(ValueError):
+    """There is no database of kitchenmind at an address. `reason`: the message without the remedy."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"{reason}. {_REMEDY}")
+        self.reason = reason
 
 
 def open_stored(url: str) -> Database:
-    """Open the database at `url`. Raises ValueError with the remedy if there is none."""
+    """Open the database at `url`. Raises ValueError: NoStoredData if there is none."""
     wanted = normal_url(url)
     named = shown(wanted)
     if wanted.get_backend_name() == "sqlite" and not Path(str(wanted.database)).is_file():
-        raise ValueError(f"there is no database {wanted.database}. {REMEDY}")
+        raise NoStoredData(f"there is no database {wanted.database}")
     database = Database(wanted.render_as_string(hide_password=False), read_only=True)
     try:
         has_tables = database.read_now(lambda connection: inspect(connection).has_table("ticks"))
@@ -28,7 +36,7 @@ def open_stored(url: str) -> Database:
         raise ValueError(f"cannot read {named}: {error}") from None
     if not has_tables:
         database.close()
-        raise ValueError(f"{named} is not a kitchenmind database. {REMEDY}")
+        raise NoStoredData(f"{named} is not a kitchenmind database")
     return database
 
 
@@ -46,4 +54,4 @@ def stored_kitchens(server: ServerData) -> dict[str, str]:
         where = shown(normal_url(url))
         return grids_at(url)
     except (DatabaseDown, ValueError) as error:
-        raise StudyError([f"{where}: the kitchens of the dashboard cannot be read ({error}). {REMEDY}"]) from None
+        raise StudyError([f"{where}: the kitchens of the dashboard cannot be read ({error}). {_REMEDY}"]) from None

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _withdrawn(arguments: argparse.Namespace) -> "list[Tombstone]":
     """Return who withdrew, according to the server's own database and the named sources. Raises ValueError."""
-    from server.commands.databases import REMEDY, open_stored
+    from server.commands.databases import NoStoredData, open_stored
     from server.store import tombstones
 
     found = []
@@ -74,7 +74,7 @@ def _withdrawn(arguments: argparse.Namespace) -> "list[Tombstone]":
             found += database.read_now(tombstones.every)
     except ValueError as error:
         if not arguments.withdrawn:
-            reason = str(error).removesuffix(REMEDY).rstrip(" .")  # here, the options name the new database
+            reason = error.reason if isinstance(error, NoStoredData) else error  # here, the options name the new one
             sys.stderr.write(
                 f"kitchenmind import: the server's database was not asked who withdrew ({reason}). If people withdrew "
                 "after this export was made, name the database or a newer export with --withdrawn.\n"
