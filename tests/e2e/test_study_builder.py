@@ -6,7 +6,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Route, expect
 
 from server.study.loader import parse_study
 from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium
@@ -177,6 +177,26 @@ def test_without_a_connection_the_text_is_kept_in_the_browser(new_page: NewPage,
     page.unroute("**/save")
     expect(page.locator("#save-state")).to_have_text("Saved")
     assert "# typed without a connection" in stored(server, draft)
+
+
+def test_saved_is_not_said_while_a_change_of_the_form_is_on_its_way(new_page: NewPage) -> None:
+    page = new_page()
+    begin(page, "on-its-way")
+    saves: list[Route] = []
+    looks: list[Route] = []
+    page.route("**/save", lambda route: route.continue_() if saves else saves.append(route))
+    with page.expect_request("**/save"), page.expect_response("**/look"):
+        yaml_of(page).press_sequentially("# typed\n")
+    page.route("**/look", lambda route: route.continue_() if looks else looks.append(route))
+    with page.expect_request("**/look"):
+        at(page, "title").locator("input").first.fill("A title on its way")
+    with page.expect_response("**/save"):
+        saves[0].continue_()
+    page.wait_for_timeout(100)  # the page has read the answer
+    expect(page.locator("#save-state")).to_have_text("Saving …")
+    looks[0].continue_()
+    expect(page.locator("#save-state")).to_have_text("Saved")
+    expect(yaml_of(page)).to_have_value(re.compile("A title on its way"))
 
 
 @pytest.mark.slow

@@ -23,7 +23,8 @@ const openedAt = 'isOpen' in openButton.dataset ? String(about.revision) : '';
 const pane = new YamlPane((text) => session.typed(text));
 
 /** @type {(words: string, isGood: boolean) => void} */
-function showState(words, isGood) {
+function showState(said, isGood) {
+  const words = said.startsWith('Saved') && session.operations.length > 0 ? SAVING : said; // not all is in the text yet
   if (state.textContent !== words) state.textContent = words;
   state.className = isGood ? '' : 'warn';
   showOpen();
@@ -54,9 +55,6 @@ const session = new DraftSession(requests, about.source, {
   text(text) {
     pane.show(text);
     saving.put(text);
-    addEventListener('beforeunload', (event) => {
-      if (session.operations.length > 0) event.preventDefault(); // changes of the form that are not in the text yet
-    });
     find('#undo', HTMLButtonElement).disabled = session.before.length === 0;
   },
   view(view) {
@@ -75,8 +73,8 @@ const session = new DraftSession(requests, about.source, {
 
 /** @param {import('./builder-session.js').Operation} operation */
 function change(operation) {
-  if (state.textContent?.startsWith('Saved')) showState(SAVING, true); // it is not in the text yet
   session.change(operation);
+  if (state.textContent?.startsWith('Saved')) showState(SAVING, true);
 }
 
 const form = new DraftForm(about.schema, {
@@ -190,6 +188,9 @@ for (const button of findAll('[data-pane]', HTMLButtonElement)) {
   button.addEventListener('click', () => choosePane(button.dataset.pane ?? 'form'));
 }
 find('#undo', HTMLButtonElement).addEventListener('click', () => session.undo());
+addEventListener('beforeunload', (event) => {
+  if (session.operations.length > 0) event.preventDefault(); // changes of the form that are not in the text yet
+});
 
 pane.show(about.source);
 const kept = saving.kept();
