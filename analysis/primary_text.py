@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from markupsafe import escape
 
 from analysis import formatting, questionnaires
+from analysis.alpha_spending import Look
 from analysis.declared import ANOVA, REWARD, Declaration, DeclaredTest
 from analysis.formatting import listed, number
 from analysis.phrases import condition, note, statistic
@@ -52,7 +53,20 @@ def _look(declared: DeclaredTest, rows: Sequence[Result], who: Subjects) -> list
     end = "This is the last look." if look.number == look.of else "No other test may decide whether the study stops."
     return [
         f"Declared {plan}. This is look {look.number} of {look.of}, at {look.people} {who.people}: the boundary is "
-        f"{letter} = {number(look.boundary, 3)}, a nominal level of {_level(look.nominal_alpha)}. {crossed} {end}"
+        f"{letter} = {number(look.boundary, 3)}, a nominal level of {_level(look.nominal_alpha)}. {crossed} {end}",
+        *_between_looks(look, declared, who),
+    ]
+
+
+def _between_looks(look: Look, declared: DeclaredTest, who: Subjects) -> list[str]:
+    """Warn that a look at another number than declared must be the only one there; empty at a declared number."""
+    planned = declared.looks[look.number - 1]
+    if look.people == planned:
+        return []
+    return [
+        f"Look {look.number} was declared at {planned} {who.people}, and this is computed at {look.people}. The boundary "
+        f"holds only if the primary test was not computed between the two: every further report tests once more, "
+        f"which the spending does not cover, so the rate of false alarms exceeds α = {declared.alpha:g}."
     ]
 
 

@@ -127,6 +127,27 @@ def test_significance_at_a_look_is_crossing_its_boundary() -> None:
     assert "This is the last look." in " ".join(lines(looks, 120, 7.5))
 
 
+def test_a_report_between_two_looks_warns_that_it_must_be_the_only_one() -> None:
+    looks = DeclaredTest("reward", ("tom", "none"), looks=(40, 80, 120))
+    warning = "Look 1 was declared at 40 people, and this is computed at 46. The boundary holds only if"
+    assert warning in " ".join(lines(looks, 46, 7.5))
+    for people in (40, 80, 120):
+        assert "The boundary holds only if" not in " ".join(lines(looks, people, 7.5))
+    assert "Look 3 was declared at 120 people, and this is computed at 124." in " ".join(lines(looks, 124, 7.5))
+
+
+def test_reports_between_looks_would_not_hold_alpha() -> None:
+    """Twelve reports under the boundaries of three looks, without an effect: as the warning says."""
+    declared = DeclaredTest("reward", ("tom", "none"), looks=(40, 80, 120), spending="pocock")
+    chance = np.random.default_rng(7)
+    sums = chance.normal(size=(20_000, 12)).cumsum(axis=1) * math.sqrt(10)  # 10 people more at each report
+    people = 10 * np.arange(1, 13)
+    bounds = [look.boundary if (look := primary.look_at(declared, int(n))) else math.inf for n in people]
+    crossed = np.abs(sums / np.sqrt(people)) > bounds
+    assert crossed[:, [3, 7, 11]].any(axis=1).mean() == pytest.approx(0.05, abs=0.005)
+    assert crossed.any(axis=1).mean() > 0.06
+
+
 def test_before_the_first_look_the_primary_test_is_not_computed() -> None:
     declared = DeclaredTest("reward", ("tom", "none"), looks=(40, 80))
     row = primary.compared(declared, np.arange(10.0), np.arange(10.0) + 30)
