@@ -2,6 +2,7 @@
 
 import io
 import json
+import warnings
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -99,7 +100,8 @@ class LoadedExport(Mapping[str, pl.DataFrame]):
 
 def load(path: str | Path) -> LoadedExport:
     """Return the export in this folder or zip file, which `kitchenmind export` or the dashboard made. Tables are read
-    when they are first used. Raises FileNotFoundError, and NotAnExport if it is something else."""
+    when they are first used. Warns if it has both people and simulated participants, which must not be pooled. Raises
+    FileNotFoundError, and NotAnExport if it is something else."""
     given = Path(path)
     if not given.exists():
         raise FileNotFoundError(f"{given} does not exist. Give the folder that `kitchenmind export --out` wrote.")
@@ -113,7 +115,26 @@ def load(path: str | Path) -> LoadedExport:
     except (ValueError, KeyError, TypeError, AttributeError, OSError, zipfile.BadZipFile) as error:
         reason = f"{type(error).__name__}: {error}"
         raise NotAnExport(f"{given}: {CODEBOOK} cannot be read ({reason}). Export the study again.") from None
-    return LoadedExport(given, root, tables)
+    export = LoadedExport(given, root, tables)
+    _warn_of_both_kinds(export)
+    return export
+
+
+def _warn_of_both_kinds(export: LoadedExport) -> None:
+    """Warn if simulated participants are among people: every table then has rows of both."""
+    if "simulated" not in export.codebook("participants")["column"]:
+        return  # an older export, which does not say
+    try:
+        simulated = export["participants"]["simulated"]
+    except NotAnExport:
+        return  # told when that table is asked for
+    bots, people = int(simulated.sum()), int((~simulated).sum())
+    if bots and people:
+        words = (
+            f"This export has {people} people and {bots} simulated participants. Never pool them: keep those with "
+            "`export.participants.filter(~pl.col('simulated'))`, and of other tables only rows about these people."
+        )
+        warnings.warn(words, stacklevel=3)
 
 
 def _root(given: Path) -> Path | zipfile.Path:

@@ -11,6 +11,7 @@ import pytest
 import kitchenmind
 from kitchenmind.loaded_export import NotAnExport
 from server.export import codebook
+from server.export.files import table_path
 from server.store.database import Database
 from server.store.migrate import migrate
 from tests.support.study_data import fill
@@ -67,6 +68,21 @@ def test_zip_file_of_the_dashboard_is_read(exported: Path, tmp_path: Path) -> No
     (tmp_path / "pack" / "ring").symlink_to(exported)
     archive = shutil.make_archive(str(tmp_path / "archive"), "zip", tmp_path / "pack", "ring")
     assert kitchenmind.load(archive).answers.equals(kitchenmind.load(exported).answers)
+
+
+@pytest.mark.parametrize("file_format", ["parquet", "csv"])
+def test_people_and_bots_in_one_export_are_warned_of(exported: Path, tmp_path: Path, file_format: str) -> None:
+    folder = shutil.copytree(exported, tmp_path / "data")
+    file = folder / table_path(Path(), file_format, "participants")
+    table = pl.read_parquet(file) if file_format == "parquet" else pl.read_csv(file, infer_schema=False)
+    simulated = pl.Series("simulated", [True, False, False])
+    if file_format == "parquet":
+        table.with_columns(simulated).write_parquet(file)
+    else:
+        table.with_columns(simulated.cast(pl.String)).write_csv(file)
+        shutil.rmtree(folder / "parquet")
+    with pytest.warns(UserWarning, match=r"has 2 people and 1 simulated participants\. Never pool them"):
+        kitchenmind.load(folder)
 
 
 def test_codebook_explains_every_table_and_column(exported: Path) -> None:
