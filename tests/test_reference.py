@@ -1,17 +1,29 @@
 """The generated pages of docs/reference are those that the code gives now, and leave nothing out."""
 
 import re
+from pathlib import Path
 
 import pytest
 
-from docs.generate import PAGES, REFERENCE
+from docs.generate import DATA, PAGES, REFERENCE
 from server.settings import Settings
+from server.study.definition import Study
+from server.study.sections import SECTIONS
 
 
 @pytest.mark.parametrize("name", PAGES)
 def test_generated_page_is_current(name: str) -> None:
     written = (REFERENCE / name).read_text(encoding="utf-8")
     assert written == PAGES[name](), "Write it again: python -m docs.generate"
+
+
+@pytest.mark.parametrize("file", DATA, ids=lambda file: file.name)
+def test_data_that_the_server_shows_is_current(file: Path) -> None:
+    assert file.read_text(encoding="utf-8") == DATA[file](), "Write it again: python -m docs.generate"
+
+
+def test_every_key_of_a_study_is_in_one_section() -> None:
+    assert sorted(key for section in SECTIONS for key in section.keys) == sorted(Study.model_fields)
 
 
 def rows(name: str) -> list[list[str]]:
@@ -28,9 +40,10 @@ def test_every_setting_has_a_meaning() -> None:
 
 
 def test_every_study_key_has_a_meaning_and_an_example() -> None:
-    keys = rows("study_keys.md")
+    keys = [cells for section in SECTIONS for cells in rows(f"study_keys/{section.name}.md")]
+    assert len(keys) > 150
     assert [cells[0] for cells in keys if not cells[-1]] == []
-    plain = [cells for cells in keys if "](#" not in cells[1]]
+    plain = [cells for cells in keys if not re.search(r"\]\(\S*#", cells[1])]
     assert [cells[0] for cells in plain if not cells[3]] == []
 
 

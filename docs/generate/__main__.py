@@ -2,8 +2,10 @@
 
 import sys
 
-from docs.generate import PAGES, REFERENCE
+from docs.generate import DATA, PAGES, REFERENCE
 
-for name, text in PAGES.items():
-    (REFERENCE / name).write_text(text(), encoding="utf-8")
-    sys.stdout.write(f"{REFERENCE / name}\n")
+FILES = {**DATA, **{REFERENCE / name: text for name, text in PAGES.items()}}
+for file, text in FILES.items():
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(text(), encoding="utf-8")
+    sys.stdout.write(f"{file}\n")

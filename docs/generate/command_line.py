@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 import kitchenmind
-from docs.generate.markdown import cell, code
 from kitchenmind.argument_parser import ExactArgumentParser
+from server.study.markdown_table import cell, code
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any, Final
 
-from docs.generate.markdown import cell
+from server.study.markdown_table import cell
 from server.study.published_scales import SCALE_NAMES, published_scale
 
 HEAD: Final = """# Published scales

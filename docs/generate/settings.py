@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
-from docs.generate.markdown import cell, code, plain_type
 from kitchenmind.argument_parser import ExactArgumentParser
 from server.commands import serve
 from server.settings import Settings
+from server.study.markdown_table import cell, code, plain_type
 from server.study.schema import descriptions
 
 ROOT: Final = Path(__file__).resolve().parents[2]

@@ -3,7 +3,7 @@
 import json
 from typing import Any, Final
 
-from docs.generate.markdown import cell, code, plain_type
+from server.study.markdown_table import cell, code, plain_type
 from training.config import AgentConfig
 from training.pipeline.presets import StudyScale
 from training.predictor_config import IntentionSettings, NetworkSettings, TrainingConfig

@@ -36,6 +36,23 @@ def teamwork_questionnaire(new_page: NewPage, name: str) -> Page:
     return page
 
 
+def test_a_number_says_what_it_takes_and_each_section_leads_to_its_keys(new_page: NewPage) -> None:
+    page = new_page()
+    begin(page, "types")
+    expect(at(page, "duration_min").locator(".help")).to_contain_text("Whole number from 1 to 600.")
+    expect(at(page, "seed").locator(".help")).to_contain_text("Whole number, at least 0.")
+    expect(at(page, "languages").locator(".help")).to_contain_text("Names, separated by commas.")
+    page.locator("#form > details > summary", has_text="Kitchens and order").click()
+    with page.expect_popup() as opened:
+        page.get_by_role("link", name="All keys of “Kitchens and order”").click()
+    expect(opened.value.get_by_role("heading", name="Study keys: Kitchens and order")).to_be_visible()
+    opened.value.get_by_role("link", name="block").nth(1).click()
+    assert opened.value.url.endswith("/admin/study-keys/kitchens#order")
+    is_accessible(opened.value)
+    opened.value.set_viewport_size({"width": 390, "height": 844})
+    assert opened.value.evaluate("document.documentElement.scrollWidth") <= 390
+
+
 @pytest.mark.slow
 def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -> None:
     page = teamwork_questionnaire(new_page, "order")

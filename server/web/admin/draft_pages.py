@@ -3,7 +3,7 @@
 import asyncio
 import difflib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from typing import Annotated, Any, Final
 
@@ -18,6 +18,7 @@ from server.store import audit, decisions, kitchens, study_drafts, study_opening
 from server.store.study_drafts import DraftText, StudyDraft
 from server.study.drafting import STUDY_NAME, from_template, named, view
 from server.study.schema import study_schema
+from server.study.sections import SECTIONS
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep, form_session
 from server.web.dependencies import WebDep
@@ -151,6 +152,7 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
         "revision": draft.revision,
         "source": draft.source,
         "schema": await asyncio.to_thread(_schema),
+        "sections": [asdict(section) for section in SECTIONS],
         "known": await asyncio.to_thread(known_names, sorted(grids)),
         "kitchens": sorted(grids),
         "author": admin.name,

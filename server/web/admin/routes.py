@@ -10,6 +10,7 @@ from server.web.admin import (
     kitchen_pages,
     live_boards,
     opened_games_page,
+    reference_pages,
     replay_page,
     report_pages,
     researcher_pages,
@@ -27,5 +28,6 @@ for _module in (
     data_pages,
     kitchen_pages,
     draft_routes,
+    reference_pages,
 ):
     router.include_router(_module.router)

@@ -43,7 +43,7 @@ function framed(node, parts, controls) {
   const field = make('div', { className: 'field', 'data-path': keyOf(node.path) }, ...parts);
   const wrong = make('p', { className: 'wrong', id: `field-${++count}`, hidden: '' });
   field.append(wrong);
-  if (node.help) field.append(helpOf(node.help + exampleOf(node)));
+  if (node.help) field.append(helpOf(node.help + typeOf(node) + exampleOf(node)));
   for (const control of controls) control.setAttribute('aria-describedby', wrong.id);
   return field;
 }
@@ -54,6 +54,32 @@ function framed(node, parts, controls) {
  */
 export function helpOf(help) {
   return make('p', { className: 'help' }, ...withCode(help));
+}
+
+/**
+ * Return the type of a number or a list in words; other fields show theirs.
+ * @param {PlanNode} node
+ */
+function typeOf({ kind, schema }) {
+  const numbers = { integer: 'Whole number', number: 'Number' };
+  if (kind === 'number') return ` ${numbers[/** @type {'integer' | 'number'} */ (schema.type)]}${limitsOf(schema)}.`;
+  if (kind !== 'names') return '';
+  return ` ${schema.items?.type === 'integer' ? 'Whole numbers' : 'Names'}, separated by commas.`;
+}
+
+/** @param {import('./builder-plan.js').Schema} schema of a number */
+function limitsOf({ minimum, maximum, exclusiveMinimum, exclusiveMaximum }) {
+  if (minimum !== undefined && maximum !== undefined) return ` from ${minimum} to ${maximum}`;
+  const words = [
+    exclusiveMinimum === undefined ? '' : `more than ${exclusiveMinimum}`,
+    minimum === undefined ? '' : `at least ${minimum}`,
+    !(exclusiveMaximum < Number.MAX_SAFE_INTEGER) ? '' : `less than ${exclusiveMaximum}`,
+    maximum === undefined ? '' : `at most ${maximum}`,
+  ];
+  return words
+    .filter(Boolean)
+    .map((one) => `, ${one}`)
+    .join('');
 }
 
 /**

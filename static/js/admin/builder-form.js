@@ -1,5 +1,6 @@
 // The form of the study builder: sections with fields made from the schema, kept equal to the values in the text.
 
+import { root } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
 import { fieldOf, helpOf, keyOf, show } from './builder-fields.js';
 import { listOf, mapOf } from './builder-items.js';
@@ -17,31 +18,21 @@ import { make } from './elements.js';
 /** @typedef {import('./builder-own-models.js').OwnModels} OwnModels */
 /** @typedef {import('./builder-requests.js').Problem} Problem */
 /** @typedef {import('./builder-session.js').Operation} Operation */
+/** @typedef {{ name: string, title: string, keys: string[] }} Section of a file, from server/study/sections.py */
 
-/** @type {[string, string[]][]} */
-const SECTIONS = [
-  ['Title and languages', ['name', 'title', 'summary', 'languages', 'contact', 'duration_min', 'seed']],
-  ['Conditions, agents and predictor', ['factors', 'cells', 'conditions', 'agents', 'predictor']],
-  ['Kitchens and order', ['layouts', 'order', 'breaks']],
-  ['Steps and pages', ['flow', 'pages']],
-  ['Consent page', ['consent']],
-  ['Questionnaires', ['questionnaires', 'after_episode', 'quiz', 'attention']],
-  ['Recruitment', ['recruitment', 'entry']],
-  ['Timing and game', ['timeout_min', 'hold_min', 'game', 'tutorial', 'waiting_room']],
-  ['Planned analysis', ['primary', 'smallest_effect']],
-];
-const REST = 'Further settings'; // keys that no section names
 const SHORT = ['number', 'choice', 'switch'];
 
 export class DraftForm {
   /**
    * @param {Schema} schema
+   * @param {Section[]} sections in the order of the form
    * @param {{ change(operation: Operation): void, waits(path: (string | number)[]): boolean,
    *   suggestions(path: (string | number)[], values: any): string[], markdown(words: string): Promise<string>,
    *   draw(path: (string | number)[], kitchen: any): void }} on
    */
-  constructor(schema, on) {
+  constructor(schema, sections, on) {
     this.schema = schema;
+    this.sections = sections;
     this.on = on;
     this.place = find('#form', HTMLElement);
     this.missing = new MissingTexts(find('#missing-texts', HTMLElement));
@@ -90,12 +81,9 @@ export class DraftForm {
     const focus = this.focusNext || active?.dataset.control || '';
     const selection =
       active instanceof HTMLInputElement || active instanceof HTMLTextAreaElement ? active.selectionStart : null;
-    const named = new Set(SECTIONS.flatMap(([, keys]) => keys));
-    const rest = plan.children.filter((child) => !named.has(String(child.path[0])));
-    const sections = SECTIONS.map(([title, keys]) => ({ title, nodes: pick(plan.children, keys) }));
-    sections.push({ title: REST, nodes: rest });
+    const sections = this.sections.map((section) => ({ section, nodes: pick(plan.children, section.keys) }));
     const shown = sections.filter(({ nodes }) => nodes.length > 0);
-    this.place.replaceChildren(...shown.map(({ title, nodes }, index) => this.sectionOf(title, nodes, index)));
+    this.place.replaceChildren(...shown.map(({ section, nodes }, index) => this.sectionOf(section, nodes, index)));
     this.controls = new Map(
       findAll('[data-control]', HTMLElement, this.place).map((one) => [
         String(one.dataset.control),
@@ -128,13 +116,16 @@ export class DraftForm {
   }
 
   /**
-   * @param {string} title
+   * @param {Section} section
    * @param {PlanNode[]} nodes
    * @param {number} index
    */
-  sectionOf(title, nodes, index) {
+  sectionOf({ name, title }, nodes, index) {
     const alone = nodes.length === 1 && nodes[0]?.kind === 'group' && !nodes[0].schema.isOptional;
     const inside = alone ? this.insideOf(nodes[0]?.children ?? []) : this.insideOf(nodes);
+    const href = `${root}/admin/study-keys/${name}`;
+    const words = `All keys of “${title}”: type, default, example, meaning`;
+    inside.append(make('p', { className: 'all-keys' }, make('a', { href, target: '_blank', text: words })));
     return this.details(`section ${index}`, title, inside);
   }
 

@@ -77,7 +77,7 @@ function change(operation) {
   if (state.textContent?.startsWith('Saved')) showState(SAVING, true);
 }
 
-const form = new DraftForm(about.schema, {
+const form = new DraftForm(about.schema, about.sections, {
   change,
   waits: (path) => session.waits(path),
   suggestions,

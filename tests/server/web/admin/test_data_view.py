@@ -91,6 +91,8 @@ def test_the_download_has_what_is_seen_with_formulas_made_harmless(researcher: R
     assert next(csv.DictReader(io.StringIO(sent.content.decode("utf-8-sig"))))["value"] == "-4"
     (entry,) = [one for one in site.database.read_now(audit.entries) if one.action == "download table"][:1]
     assert entry.detail == {"study": "small", "table": "answers", "filtered": True}
+    log = researcher.get("/admin/audit").text
+    assert '<span class="soft">filtered</span> yes</span>' in log
 
 
 def test_unknown_tables_and_other_roles_are_refused(researcher: Researcher, site: PageSite) -> None:

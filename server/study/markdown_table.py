@@ -1,4 +1,4 @@
-"""Pieces of Markdown that several pages share."""
+"""Pieces of Markdown tables that the generated pages share."""
 
 from typing import Any, Final
 
