@@ -65,8 +65,8 @@ def _between_looks(look: Look, declared: DeclaredTest, who: Subjects) -> list[st
         return []
     return [
         f"Look {look.number} was declared at {planned} {who.people}, and this is computed at {look.people}. The "
-        f"boundary holds only if the primary test was not computed between the two: every further report tests once more, "
-        f"which the spending does not cover, so the rate of false alarms exceeds α = {declared.alpha:g}."
+        "boundary holds only if the primary test was not computed between the two: every further report tests once "
+        f"more, which the spending does not cover, so the rate of false alarms exceeds α = {declared.alpha:g}."
     ]
 
 
