@@ -6,7 +6,7 @@
 import { isStarted, secondsLeft } from '../board/state.js';
 import { find, findAll } from '../browser/dom.js';
 
-const HURRY_S = 10;
+const URGENT_S = 10;
 
 export class Hud {
   /**
@@ -79,7 +79,7 @@ export class Hud {
     this.timeShown = true;
     const { horizon, tick_ms: tickMs } = state.game;
     this.#find('#time-bar').style.transform = `scaleX(${seconds / ((horizon * tickMs) / 1000)})`;
-    this.#find('.stat.time').classList.toggle('hurry', whole <= HURRY_S);
+    this.#find('.stat.time').classList.toggle('urgent', whole <= URGENT_S);
   }
 
   #bump() {
