@@ -27,6 +27,7 @@ QUICK = {
     "fit_simulated_participants": ["--quick"],
     "foresight": ["--quick", "--json"],
     "gpu": ["--seconds", "1", "--json"],
+    "installation": ["--in", ".", "--json"],
     "limits": ["--states", "60", "--json"],
     "participant": ["--json"],
     "pictures": ["--seconds", "1", "--json"],
