@@ -7,7 +7,7 @@ import torch
 from models.inference.predictor_numpy import load_trained_predictor, numpy_predictor
 from models.networks.checkpoint import CheckpointError
 from models.networks.config import IntentionConfig, PredictorConfig
-from models.networks.predictor import PredictorNetwork, one_hot, predictor_network, save_predictor
+from models.networks.predictor import PredictorNetwork, full_attention, one_hot, predictor_network, save_predictor
 from models.protocols import HISTORY
 from overcooked.interactions import possible_interactions
 from overcooked.layout import load_layout
@@ -79,6 +79,18 @@ def test_timestep_by_timestep_equals_one_piece(form, encoder):
     expected = in_one_piece(made, observations, actions)
     assert np.abs(step_by_step(as_numpy(made), observations, actions) - expected).max() < 1e-4
     assert expected.std(axis=1).max() > 0.01
+
+
+def test_attention_in_16_bits_is_that_in_32_but_for_rounding():
+    torch.manual_seed(0)
+    q, k, v = torch.randn(3, 5, 8, HISTORY, 16).unbind(0)
+    mask = torch.arange(HISTORY).expand(5, 1, 1, -1) >= torch.tensor([0, 2, 5, 8, 9]).view(5, 1, 1, 1)
+    exact = full_attention(q, k, v, mask)
+    rounded = full_attention(q.bfloat16(), k.bfloat16(), v.bfloat16(), mask)
+    assert rounded.dtype == torch.bfloat16
+    assert (rounded.float() - exact).abs().max() < 0.05
+    alone = full_attention(q[:, :, -1:].bfloat16(), k.bfloat16(), v.bfloat16(), mask)
+    assert torch.equal(alone, rounded[:, :, -1:])
 
 
 @pytest.mark.parametrize("form", ["stream", "window"])
