@@ -6,6 +6,7 @@ from urllib.parse import parse_qs
 
 import msgspec
 from fastapi import HTTPException, Request
+from starlette.requests import ClientDisconnect
 
 from server.study.answer_checks import CONTROL
 from server.web.auth import FORM_FIELD, NOBODY, CsrfProtection, session_of
@@ -95,7 +96,8 @@ def _text(name: str, value: object) -> str:
 
 
 async def body_of(request: Request, largest: int, what: str = "form") -> bytes:
-    """Return the body of a request. Answers 413 if it is too large, 408 if it takes too long."""
+    """Return the body of a request. Answers 413 if it is too large, 408 if it takes too long, and 400 if the browser left
+    before it had sent everything, which is no failure of the server."""
     body = bytearray()
     try:
         async with asyncio.timeout(FORM_TIMEOUT_S):
@@ -107,6 +109,8 @@ async def body_of(request: Request, largest: int, what: str = "form") -> bytes:
         raise HTTPException(
             408, f"a {what} has to arrive within {FORM_TIMEOUT_S:g} s", {"Connection": "close"}
         ) from None
+    except ClientDisconnect:
+        raise HTTPException(400, f"the {what} did not arrive as a whole. Send it again.") from None
     return bytes(body)
 
 

@@ -89,7 +89,7 @@ class PopulatedServer:
         method, _, path = route.partition(" ")
         action = "signed_out" if "account" in path else "extend"
         values = {"name": "short", "study": "short", "person": self.person, "episode": self.episode, "account": "watch"}
-        values |= {"kitchen": "nook"}
+        values |= {"kitchen": "nook", "section": "title"}
         values |= {"draft": "1", "number": "1", "condition": "tom", "language": "en", "position": "1", "what": "now"}
         path = path.format(**values, action=action)
         with self.client(self.cookies[role]) as client:

@@ -26,7 +26,7 @@ def schema_of(server: Any) -> dict[str, Any]:
     known = {
         "name": ["short", "other"], "person": [server.person], "episode": [server.episode], "account": ["watch"],
         "kitchen": ["nook"], "draft": ["1"], "number": ["1"], "condition": ["tom"], "language": ["en"],
-        "position": ["1"], "what": ["now"],
+        "position": ["1"], "what": ["now"], "section": ["title"],
         "action": ["pause", "resume", "end", "message", "extend", "exclude", "restore", "release", "removed"],
     }  # fmt: skip
     for operations in schema["paths"].values():

@@ -60,6 +60,7 @@ ROUTES = {
     "POST /admin/kitchens/trial": "own",
     "POST /admin/kitchens/save": "own",
     "POST /admin/kitchen/{kitchen}/remove": "own",
+    "GET /admin/study-keys/{section}": "own",
     "GET /admin/drafts": "own",
     "POST /admin/drafts": "own",
     "GET /admin/drafts/new": "own",

@@ -5,6 +5,7 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import AsyncExitStack, suppress
+from typing import Any
 
 import httpx
 import pytest
@@ -69,6 +70,28 @@ async def test_a_form_that_trickles_in_is_given_up(live: LiveServer, monkeypatch
         slow.sendall(head.encode())
         slow.settimeout(10)
         assert b" 408 " in slow.recv(4096).partition(b"\r\n")[0] + b" "
+
+
+async def test_a_browser_that_leaves_while_it_sends_a_form_is_no_error_of_the_server(
+    live: LiveServer, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = asyncio.Event()
+    kept, loop = forms.body_of, asyncio.get_running_loop()
+
+    async def noticed(*arguments: Any) -> bytes:
+        try:
+            return await kept(*arguments)
+        finally:
+            loop.call_soon_threadsafe(read.set)
+
+    monkeypatch.setattr(forms, "body_of", noticed)
+    with socket.create_connection(("127.0.0.1", live.port)) as leaving:
+        head = f"POST /s/short/now HTTP/1.1\r\nHost: 127.0.0.1:{live.port}\r\nContent-Length: 100\r\n\r\nstep="
+        leaving.sendall(head.encode())
+    await asyncio.wait_for(read.wait(), 10)
+    client = await enrolled(live)  # by now the server has dealt with the other one
+    await client.close()
+    assert [record.getMessage() for record in caplog.records if record.levelname == "ERROR"] == []
 
 
 async def test_a_form_that_is_sent_twenty_times_at_once_moves_on_once(live: LiveServer) -> None:
