@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.processor import described  # noqa: E402
 
-LONGEST_S = 900.0
+MAX_S = 900.0
 MEGA = 1_000_000
 
 
@@ -83,13 +83,13 @@ def measured(checkout: Path, database: Path, is_installed: bool) -> Installation
 
 
 def wait_for_page(url: str, began: float) -> None:
-    while time.monotonic() - began < LONGEST_S:
+    while time.monotonic() - began < MAX_S:
         try:
             with urllib.request.urlopen(url, timeout=5):
                 return
         except OSError:
             time.sleep(0.05)
-    raise SystemExit(f"{url} did not answer within {LONGEST_S:g} s")
+    raise SystemExit(f"{url} did not answer within {MAX_S:g} s")
 
 
 def processes_of(session: int) -> list[int]:

@@ -97,7 +97,7 @@ def _text(name: str, value: object) -> str:
 
 async def body_of(request: Request, largest: int, what: str = "form") -> bytes:
     """Return the body of a request. Answers 413 if it is too large, 408 if it takes too long, and 400 if the browser
-    left before it had sent everything, which is no failure of the server."""
+    left before it had sent everything, which is not a failure of the server."""
     body = bytearray()
     try:
         async with asyncio.timeout(FORM_TIMEOUT_S):
