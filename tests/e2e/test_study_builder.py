@@ -6,7 +6,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Route, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from server.study.loader import parse_study
 from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium
@@ -211,16 +211,26 @@ def test_the_builder_fits_a_phone(new_page: NewPage) -> None:
     is_accessible(page)
 
 
+CROSSED = ROOT / "studies" / "examples" / "two_factors.yaml"
+
+
 def test_a_study_with_every_setting_goes_through_the_form_byte_for_byte(new_page: NewPage) -> None:
-    page = new_page()
-    begin(page, "whole")
-    crossed = ROOT / "studies" / "examples" / "two_factors.yaml"
-    for file in (ROOT / "tests" / "data" / "every_setting.yaml", crossed, *sorted((ROOT / "studies").glob("*.yaml"))):
+    go_through_the_form(new_page(), "whole", [ROOT / "tests" / "data" / "every_setting.yaml", CROSSED])
+
+
+@pytest.mark.slow
+def test_every_bundled_study_goes_through_the_form_byte_for_byte(new_page: NewPage) -> None:
+    go_through_the_form(new_page(), "bundled", sorted((ROOT / "studies").glob("*.yaml")))
+
+
+def go_through_the_form(page: Page, name: str, files: list[Path]) -> None:
+    """Open each text in the form and change some of its fields to what they are."""
+    begin(page, name)
+    for file in files:
         text = file.read_text("utf-8")
         yaml_of(page).fill(text)
-        name = re.search(r"^name: (\S+)", text, re.MULTILINE)
-        assert name
-        expect(at(page, "name").locator("input")).to_have_value(name.group(1))
+        name = re.findall(r"^name: (\S+)", text, re.MULTILINE)[0]
+        expect(at(page, "name").locator("input")).to_have_value(name)
         expect(page.locator("#form")).not_to_contain_text("The form cannot show")
         bound = "[data-control]"  # to a value of the text; the others name what is added or renamed
         for control in page.locator(f"#form input[type=text]{bound}, #form textarea{bound}").all()[:200:23]:
