@@ -1,5 +1,6 @@
 """Routes of the reference of study files, which the study builder links to: the same pages as in the documentation."""
 
+import asyncio
 import re
 from functools import cache
 from itertools import pairwise
@@ -24,8 +25,9 @@ async def one_section(request: Request, admin: OwnDep, section: str) -> Response
     shown = next((one for one in SECTIONS if one.name == section), None)
     if shown is None:
         raise HTTPException(NOT_FOUND, f"There is no section {section!r} of the study file.")
+    text = await asyncio.to_thread(_html, shown)  # the first call reads the sources, and games must not wait
     page = AdminPage(request, admin)
-    return page.render("study_keys.html", tab="drafts", sections=SECTIONS, shown=shown, text=_html(shown))
+    return page.render("study_keys.html", tab="drafts", sections=SECTIONS, shown=shown, text=text)
 
 
 @cache
