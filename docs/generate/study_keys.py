@@ -1,6 +1,7 @@
 """The pages of everything that a study file may contain, and the examples of its keys from the study files."""
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -45,7 +46,9 @@ def study_keys() -> str:
 
 def section_page(section: StudySection) -> str:
     """Return the page of a section."""
-    return _reference().page(section)
+    return (
+        f"# {section.title}\n\nKeys at the top of a [study file](../study_keys.md).\n\n{_reference().tables(section)}"
+    )
 
 
 def key_examples() -> str:
@@ -53,6 +56,7 @@ def key_examples() -> str:
     return json.dumps(_Examples(study_schema()).found, ensure_ascii=False, indent=1, sort_keys=True) + "\n"
 
 
+@cache
 def _reference() -> StudyReference:
     schema = study_schema()
     return StudyReference(schema, _Examples(schema).found)

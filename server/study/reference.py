@@ -1,4 +1,4 @@
-"""The reference of study files, from their JSON schema: a page of Markdown for each section."""
+"""The reference of study files, from their JSON schema: tables in Markdown for each section."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +16,7 @@ EXAMPLES_FILE: Final = Path(__file__).with_name("key_examples.json")  # written 
 TEXT: Final = "Text"  # the type of what participants read, by language
 QUESTION: Final = "SurveyQuestion"
 QUESTIONS: Final = "questionnaires"  # the section that has them
+IN_QUESTIONS: Final = "questions."  # before the keys of blocks inside a question
 TOP: Final = ""  # the block of the keys at the top of the file
 TABLE: Final = "| key | type | default | example | meaning |\n|---|---|---|---|---|\n"
 
@@ -41,15 +42,14 @@ class StudyReference:
             for section in SECTIONS
         )
 
-    def page(self, section: StudySection) -> str:
-        """Return the page of a section: its keys, then the blocks inside them."""
+    def tables(self, section: StudySection) -> str:
+        """Return a section's keys, then the blocks inside them."""
         return "".join(self._lines(section))
 
     def _lines(self, section: StudySection) -> Iterator[str]:
-        yield f"# {section.title}\n\nKeys at the top of a [study file](../study_keys.md).\n\n"
-        yield from self._table(section, only(self.schema, set(section.keys)), TOP)
+        yield from self._table(section, _only(self.schema, set(section.keys)), TOP)
         here = [name for name in self.places if self._section_of(name) is section]
-        in_questions = [name for name in here if self.places[name][0].startswith("questions.")]
+        in_questions = [name for name in here if self.places[name][0].startswith(IN_QUESTIONS)]
         for name in here:
             if name not in in_questions:
                 yield from self._block(section, name)
@@ -59,7 +59,8 @@ class StudyReference:
             yield from self._block(section, name)
 
     def _section_of(self, block: str) -> StudySection:
-        return self.sections[self.places[block][0].partition(".")[0].replace("questions", QUESTIONS)]
+        place = self.places[block][0]
+        return self.sections[QUESTIONS if place.startswith(IN_QUESTIONS) else place.partition(".")[0]]
 
     def _block(self, section: StudySection, name: str) -> Iterator[str]:
         first, *others = self.places[name]
@@ -74,12 +75,12 @@ class StudyReference:
         asking = [name for name in self.questions if "key" in self.blocks[name]["properties"]]
         shared = set.intersection(*(set(self.blocks[name]["properties"]) for name in asking)) - {"type"}
         yield "\n## Questions\n\nEvery question has a `type` and, unless it is `published`, these keys:\n\n"
-        yield from self._table(section, only(self.blocks[asking[0]], shared), QUESTION)
+        yield from self._table(section, _only(self.blocks[asking[0]], shared), QUESTION)
         for name in self.questions:
             block = self.blocks[name]
             yield f"\n### type: {block['properties']['type']['const']}\n\n{_summary(block)}\n\n"
             left_out = {"type", *(shared if name in asking else ())}
-            yield from self._table(section, only(block, block["properties"].keys() - left_out), name)
+            yield from self._table(section, _only(block, block["properties"].keys() - left_out), name)
 
     def _table(self, section: StudySection, block: Block, name: str) -> Iterator[str]:
         """Yield a row for each key of a block."""
@@ -135,7 +136,7 @@ class StudyReference:
             for key, value in self.blocks[question]["properties"].items():
                 name = inner_block(value)
                 if name not in (None, TEXT):
-                    found.setdefault(str(name), [f"questions.{key}"])
+                    found.setdefault(str(name), [f"{IN_QUESTIONS}{key}"])
         return found
 
 
@@ -162,7 +163,7 @@ def is_question(block: Block) -> bool:
     return "const" in block.get("properties", {}).get("type", {})
 
 
-def only(block: Block, keys: Sequence[str] | set[str]) -> Block:
+def _only(block: Block, keys: Sequence[str] | set[str]) -> Block:
     return block | {"properties": {key: value for key, value in block["properties"].items() if key in keys}}
 
 

@@ -30,7 +30,7 @@ from server.web.security_headers import policy
 from server.web.services import services_of
 
 TEMPLATES = Path(__file__).parents[2] / "templates"
-_markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+MARKDOWN = MarkdownIt("commonmark", {"html": False}).enable("table")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def templates(root: str = "") -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.globals["root"] = root
-    environment.filters["markdown"] = lambda words: Markup(_markdown.render(words))  # noqa: S704 - HTML in it is escaped
+    environment.filters["markdown"] = lambda words: Markup(MARKDOWN.render(words))  # noqa: S704 - HTML in it is escaped
     return environment
 
 

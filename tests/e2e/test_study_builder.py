@@ -179,7 +179,7 @@ def test_without_a_connection_the_text_is_kept_in_the_browser(new_page: NewPage,
     assert "# typed without a connection" in stored(server, draft)
 
 
-def test_saved_is_not_said_while_a_change_of_the_form_is_on_its_way(new_page: NewPage) -> None:
+def test_saved_is_not_shown_while_a_change_of_the_form_is_on_its_way(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "on-its-way")
     saves: list[Route] = []

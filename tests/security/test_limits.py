@@ -72,7 +72,7 @@ async def test_a_form_that_trickles_in_is_given_up(live: LiveServer, monkeypatch
         assert b" 408 " in slow.recv(4096).partition(b"\r\n")[0] + b" "
 
 
-async def test_a_browser_that_leaves_while_it_sends_a_form_is_no_error_of_the_server(
+async def test_a_browser_that_leaves_while_it_sends_a_form_is_not_an_error_of_the_server(
     live: LiveServer, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = asyncio.Event()

@@ -4,7 +4,6 @@ import asyncio
 import difflib
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from functools import cache
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
@@ -17,7 +16,7 @@ from server.settings import ROOT
 from server.store import audit, decisions, kitchens, study_drafts, study_openings
 from server.store.study_drafts import DraftText, StudyDraft
 from server.study.drafting import STUDY_NAME, from_template, named, view
-from server.study.schema import study_schema
+from server.study.reference import study_reference
 from server.study.sections import SECTIONS
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep, form_session
@@ -151,7 +150,7 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
         "id": draft.id,
         "revision": draft.revision,
         "source": draft.source,
-        "schema": await asyncio.to_thread(_schema),
+        "schema": (await asyncio.to_thread(study_reference)).schema,
         "sections": [asdict(section) for section in SECTIONS],
         "known": await asyncio.to_thread(known_names, sorted(grids)),
         "kitchens": sorted(grids),
@@ -165,11 +164,6 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
     context["paused"] = mine is not None and mine.study in paused
     response = page.render("draft.html", tab="drafts", **context)
     return page.allow(response, frames=OURSELVES)  # the kitchen editor in a dialog
-
-
-@cache
-def _schema() -> dict[str, Any]:
-    return study_schema()
 
 
 @router.get("/{draft}/history")

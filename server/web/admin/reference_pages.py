@@ -4,19 +4,17 @@ import asyncio
 import re
 from functools import cache
 from itertools import pairwise
-from typing import Final
 
 from fastapi import APIRouter, HTTPException, Request, Response
-from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from server.study.reference import anchor, study_reference
 from server.study.sections import SECTIONS, StudySection
 from server.web.admin.rendering import NOT_FOUND, AdminPage
 from server.web.admin.researcher_auth import OwnDep
+from server.web.dependencies import MARKDOWN
 
 router = APIRouter(prefix="/admin/study-keys")
-_markdown: Final = MarkdownIt("commonmark", {"html": False}).enable("table")
 
 
 @router.get("/{section}")
@@ -32,12 +30,12 @@ async def one_section(request: Request, admin: OwnDep, section: str) -> Response
 
 @cache
 def _html(section: StudySection) -> Markup:
-    """Return a section's page, with headings that links reach and tables that scroll."""
-    words = study_reference().page(section).partition("\n\n")[2].partition("\n\n")[2]  # the page has a heading
-    tokens = _markdown.parse(re.sub(r"\((\w+)\.md#", r"(\1#", words))
+    """Return a section's tables as HTML, with headings that links reach and tables that scroll."""
+    words = study_reference().tables(section)
+    tokens = MARKDOWN.parse(re.sub(r"\((\w+)\.md#", r"(\1#", words))
     for token, inside in pairwise(tokens):
         if token.type == "heading_open":
             token.attrSet("id", anchor(inside.content))
-    html = _markdown.renderer.render(tokens, _markdown.options, {})
+    html = MARKDOWN.renderer.render(tokens, MARKDOWN.options, {})
     html = html.replace("<table>", '<div class="tablebox"><table class="list">').replace("</table>", "</table></div>")
     return Markup(html)  # noqa: S704 - made from the code; HTML in it is escaped

@@ -23,8 +23,8 @@ const openedAt = 'isOpen' in openButton.dataset ? String(about.revision) : '';
 const pane = new YamlPane((text) => session.typed(text));
 
 /** @type {(words: string, isGood: boolean) => void} */
-function showState(said, isGood) {
-  const words = said.startsWith('Saved') && session.operations.length > 0 ? SAVING : said; // not all is in the text yet
+function showState(text, isGood) {
+  const words = text.startsWith('Saved') && session.operations.length > 0 ? SAVING : text; // not all is in the text yet
   if (state.textContent !== words) state.textContent = words;
   state.className = isGood ? '' : 'warn';
   showOpen();
