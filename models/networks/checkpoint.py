@@ -42,13 +42,14 @@ def save_checkpoint(
 ) -> str:
     """Write the folder (all or nothing: an old one is replaced at the end) and return its sha256.
 
-    `tensors`: arrays, or torch's without a gradient. With fewer `bits` the file is smaller (`stored_tensors`); check
-    that the network still performs as its card says.
+    `tensors`: arrays, or torch's without a gradient, on any device. With fewer `bits` the file is smaller
+    (`stored_tensors`); check that the network still performs as its card says.
     """
     new = folder.with_name(f".{folder.name}.new-{os.getpid()}")
     shutil.rmtree(new, ignore_errors=True)
     new.mkdir(parents=True)
-    (new / WEIGHTS).write_bytes(save(stored(tensors, bits)))
+    here = {name: tensor.cpu() if hasattr(tensor, "cpu") else tensor for name, tensor in tensors.items()}
+    (new / WEIGHTS).write_bytes(save(stored(here, bits)))
     (new / CONFIG).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
     (new / CARD).write_text(card.rstrip() + "\n", encoding="utf-8")
     lines = "".join(f"{_digest((new / name).read_bytes())}  {name}\n" for name in FILES)

@@ -1,6 +1,7 @@
 """Checkpoints on disk: what comes back, and what is refused."""
 
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import torch
 from models.networks.checkpoint import FILES, CheckpointError, load_checkpoint, save_checkpoint
 from models.networks.config import NetworkConfig
 from models.networks.policy import NetworkPolicy, build_network, load_network, save_agent
+from models.networks.stored_tensors import Bits
 from models.protocols import Mode
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
@@ -57,6 +59,23 @@ def test_saving_again_replaces_the_whole_folder(tmp_path: Path) -> None:
     _saved(tmp_path / "one")
     assert sorted(path.name for path in (tmp_path / "one").iterdir()) == sorted([*FILES, "sha256"])
     assert [path.name for path in tmp_path.iterdir()] == ["one"]
+
+
+class OnGpu(torch.Tensor):
+    """A tensor that numpy cannot read, as one in the memory of a GPU, until it is copied to the CPU."""
+
+    def __array__(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError("can't convert cuda:0 device type tensor to numpy. Use Tensor.cpu() first.")
+
+    def cpu(self) -> torch.Tensor:
+        return self.as_subclass(torch.Tensor)
+
+
+@pytest.mark.parametrize("bits", [32, 16, 8])
+def test_weights_that_are_on_a_gpu_are_saved(tmp_path: Path, bits: Bits) -> None:
+    weights = torch.linspace(-1, 1, 8192).view(64, 128)
+    save_checkpoint(tmp_path / "a", {}, {"weight": weights.as_subclass(OnGpu)}, "# a", bits)
+    assert np.abs(load_checkpoint(tmp_path / "a").tensors["weight"] - weights.numpy()).max() < 0.01
 
 
 @pytest.mark.parametrize("kind", ["mlp", "cnn"])
