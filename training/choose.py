@@ -8,7 +8,8 @@ from typing import Any
 
 import torch
 
-from models.agents.catalogue import WEIGHTS, load_agent
+from models.agents.catalogue import TRAINED, WEIGHTS, agent_set, load_agent, strong
+from models.networks.checkpoint import load_checkpoint, save_checkpoint
 from models.networks.policy import NetworkPolicy, load_network
 from models.protocols import Policy
 from overcooked.constants import HORIZON
@@ -55,9 +56,20 @@ def best_fcp(scores: Mapping[str, Mapping[str, float]], of_sp: float) -> str:
 
 
 def publish_agents(work: Work, layout: Layout) -> None:
-    """Copy the chosen agents, the pretrained encoder and the population into models/weights/<layout>."""
+    """Copy the agents of our own recipe into models/weights/<layout>. Where the kitchen also has the published agents,
+    only `sp_strong` and `fcp_strong` are replaced, and the population stays the published one."""
+    if not all((WEIGHTS / layout.name / strong(agent)).is_dir() for agent in ("sp", "fcp")):
+        publish_from(work.inputs, layout)
+        return
+    for agent in ("sp", "fcp"):
+        _copy(work.inputs[f"choose_{agent}"] / "agent", WEIGHTS / layout.name / strong(agent))
+
+
+def publish_from(inputs: Mapping[str, Path], layout: Layout) -> None:
+    """Copy the chosen agents, the pretrained encoder, the population, and the partners that no target met from the
+    folders of finished tasks into models/weights/<layout>, partners with 8 bits."""
     target = WEIGHTS / layout.name
-    for name, folder in work.inputs.items():
+    for name, folder in inputs.items():
         role, _, seed = name.rpartition("_")
         if role == "choose":
             _copy(folder / "agent", target / seed)
@@ -66,17 +78,17 @@ def publish_agents(work: Work, layout: Layout) -> None:
         elif role.startswith("population"):
             kind = role.removeprefix("population_")
             for skill in SKILLS:
-                _copy(folder / str(skill), target / "population" / f"{kind}_{seed}_{skill}")
-    chosen = json.loads((work.inputs["choose_sp"] / _DECISION).read_text(encoding="utf-8"))["best"]
+                _partner(folder / str(skill), target / "population" / f"{kind}_{seed}_{skill}")
+    chosen = json.loads((inputs["choose_sp"] / _DECISION).read_text(encoding="utf-8"))["best"]
     shutil.rmtree(target / HELD_OUT, ignore_errors=True)
-    for name, folder in work.inputs.items():
-        if _is_unseen(name, chosen, work.inputs) and not name.startswith("population_fcp"):
+    for name, folder in inputs.items():
+        if _is_unseen(name, chosen, inputs) and not name.startswith("population_fcp"):
             for skill in SKILLS:
-                _copy(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
+                _partner(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
 
 
 def evaluate_bundled(
-    layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40, timesteps: int = HORIZON
+    layout: Layout, names: Sequence[str] = TRAINED, episodes: int = 40, timesteps: int = HORIZON
 ) -> list[dict[str, Any]]:
     """Return what `kitchenmind evaluate agents --json` prints for one layout: the bundled agents in self-play and with
     the bundled partners that neither has met in training."""
@@ -86,11 +98,14 @@ def evaluate_bundled(
     unseen_partners: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
     players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
-    return [measured(layout, name, player, unseen_partners, episodes, timesteps) for name, player in players.items()]
+    return [
+        measured(layout, name, player, unseen_partners, episodes, timesteps) | _set_of(name, layout)
+        for name, player in players.items()
+    ]
 
 
 def evaluate_with(
-    layout: Layout, partner: str, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40, timesteps: int = HORIZON
+    layout: Layout, partner: str, names: Sequence[str] = TRAINED, episodes: int = 40, timesteps: int = HORIZON
 ) -> list[dict[str, Any]]:
     """Return what `kitchenmind evaluate agents --partner PARTNER --json` prints for one layout. Raises what
     `load_agent` raises."""
@@ -99,8 +114,13 @@ def evaluate_with(
     other = EvaluatedAgent(*load_agent(partner, layout))
     players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
     return [
-        measured_with(layout, name, player, partner, other, (episodes, timesteps)) for name, player in players.items()
+        measured_with(layout, name, player, partner, other, (episodes, timesteps)) | _set_of(name, layout)
+        for name, player in players.items()
     ]
+
+
+def _set_of(name: str, layout: Layout) -> dict[str, str]:
+    return {"agent_set": agent_set(name, layout.name)} if name in TRAINED else {}
 
 
 def _is_unseen(name: str, chosen: str, inputs: Iterable[str]) -> bool:
@@ -129,6 +149,14 @@ def _policy(folder: Path) -> Policy:
 
 def _levels(folders: Sequence[Path]) -> list[Policy]:
     return [NetworkPolicy(load_network(folder / str(skill))) for folder in folders for skill in SKILLS]
+
+
+def _partner(folder: Path, target: Path) -> None:
+    """Copy an agent that is only a partner, with 8 bits for each weight of its matrices."""
+    found = load_checkpoint(folder)
+    line = "Stored with 8 bits for each weight of a matrix."
+    card = found.card if line in found.card else f"{found.card.rstrip()}\n\n{line}"
+    save_checkpoint(target, found.config, found.tensors, card, 8)
 
 
 def _copy(folder: Path, target: Path) -> None:

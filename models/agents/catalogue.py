@@ -22,6 +22,8 @@ SCRIPTED: dict[str, tuple[type[Policy], Mode]] = {
     "random": (scripted.UniformPolicy, scripted.PLAIN),
     "stay": (scripted.StayPolicy, scripted.SURE),
 }
+TRAINED = ("sp", "fcp", "sp_strong", "fcp_strong")  # bundled agents whose figures are published
+_STRONG = "_strong"  # marks agents of our stronger recipe, where a kitchen also has agents of the published one
 TEMPERATURES = {"greedy": 0.0, "sampled": 1.0}  # by the suffix after the @ of an agent's name
 
 
@@ -40,6 +42,17 @@ def agent_names(layout: str) -> list[str]:
     """Return the agents that can play on a layout: scripted ones and bundled checkpoints."""
     bundled = [path.parent.name for path in sorted((WEIGHTS / layout).glob("*/config.json")) if _is_agent(path)]
     return [*SCRIPTED, *bundled]
+
+
+def strong(name: str) -> str:
+    """Return the name of the agent of our stronger recipe in the kitchens that have both."""
+    return f"{name}{_STRONG}"
+
+
+def agent_set(name: str, layout: str) -> str:
+    """Return by which recipe a bundled agent was trained: "published" (the paper's) or "strong" (ours, which plays
+    better: `_strong` in the kitchens that have both, and every agent of the kitchens that have this one alone)."""
+    return "published" if (WEIGHTS / layout / strong(name)).is_dir() else "strong"
 
 
 def load_agent(name: str, layout: Layout) -> LoadedAgent:

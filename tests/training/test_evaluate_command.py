@@ -5,12 +5,13 @@ import json
 import pytest
 
 import kitchenmind
+from models.agents.catalogue import agent_set
 from training.pipeline.agent_tasks import STUDY_LAYOUTS
 
 LAYOUT = STUDY_LAYOUTS[0]
 CELLS = sorted((LAYOUT, agent) for agent in ("sp", "fcp"))
 MEAN = {"mean": float, "se": float}
-AGENT = {"layout": str, "agent": str, "self_play": MEAN, "held_out": MEAN, "episodes": int}
+AGENT = {"layout": str, "agent": str, "self_play": MEAN, "held_out": MEAN, "episodes": int, "agent_set": str}
 WITH_PARTNER = {
     "layout": str,
     "agent": str,
@@ -18,6 +19,7 @@ WITH_PARTNER = {
     "partner": str,
     "with_partner": {**MEAN, "seats": list},
     "episodes": int,
+    "agent_set": str,
 }
 PREDICTOR = {
     "layout": str,
@@ -29,12 +31,21 @@ PREDICTOR = {
     "not_stuck": {"mean": float},
     "ece": float,
     "windows": int,
+    "agent_set": str,
 }
 
 
 def kinds(value):
     """The types of everything in it."""
     return {key: kinds(item) for key, item in value.items()} if isinstance(value, dict) else type(value)
+
+
+def test_the_set_of_an_agent_is_published_where_the_kitchen_also_has_a_strong_one(tmp_path, monkeypatch):
+    monkeypatch.setattr("models.agents.catalogue.WEIGHTS", tmp_path)
+    for name in ("ring/sp", "ring/sp_strong", "room/sp"):
+        (tmp_path / name).mkdir(parents=True)
+    sets = [agent_set(name, layout) for layout, name in (("ring", "sp"), ("ring", "sp_strong"), ("room", "sp"))]
+    assert sets == ["published", "strong", "strong"]
 
 
 def printed(capsys, *words):

@@ -124,7 +124,7 @@ def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Measure the predictors of one kitchen."""
-    from models.agents.catalogue import agent_names
+    from models.agents.catalogue import TRAINED, agent_names, agent_set
     from models.networks.checkpoint import load_checkpoint
     from models.networks.predictor import predictor_network
     from training.collect import TRAIN, CollectionPlan
@@ -150,6 +150,8 @@ def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str
         target = asked or load_target(agent, layout)
         games = unseen_games(layout, target, network, population, plan, arguments.partner)
         entry = evaluate(network, games).entry(layout.name, agent, form)
+        if agent in TRAINED:
+            entry["agent_set"] = agent_set(agent, layout.name)
         if arguments.intentions:
             others = unseen_partners(layout, population, arguments.partner)
             known = partners_in(TRAIN, layout, population)
@@ -172,12 +174,12 @@ def _predictor_folders(layout: "Layout", chosen: Path | None) -> list[tuple[Path
 
 
 def _predictor_table(entries: list[dict[str, Any]]) -> None:
-    print(f"{'layout':18} {'agent':8} {'form':7}  step1  step2  step3   mean  ceiling1  repeat  frequent  free   ece")
+    print(f"{'layout':18} {'agent':10} {'form':7}  step1  step2  step3   mean  ceiling1  repeat  frequent  free   ece")
     for entry in entries:
         accuracy = "  ".join(f"{entry['accuracy'][key]:5.1f}" for key in ("step1", "step2", "step3", "mean"))
         base = entry["baselines"]
         print(
-            f"{entry['layout']:18} {entry['agent']:8} {entry['form']:7}  {accuracy}  {entry['ceiling_step1']:8.1f}  "
+            f"{entry['layout']:18} {entry['agent']:10} {entry['form']:7}  {accuracy}  {entry['ceiling_step1']:8.1f}  "
             f"{base['repeat']:6.1f}  {base['frequent']:8.1f} {entry['not_stuck']['mean']:5.1f}  {entry['ece']:.3f}"
         )
     if "intentions" in entries[0]:
@@ -192,7 +194,7 @@ def _intention_table(entries: list[dict[str, Any]]) -> None:
             + " / ".join(str(values[key]) for key in ("kind", "kind_and_station", "nearest_sensible", "frequent"))
             for timesteps, values in entry["intentions"]["before"].items()
         ]
-        name = f"{entry['layout']:18} {entry['agent']:8} {entry['form']:7}"
+        name = f"{entry['layout']:18} {entry['agent']:10} {entry['form']:7}"
         print(f"{name}  {'; '.join(before)}; ece {entry['intentions']['ece']:.3f}")
 
 

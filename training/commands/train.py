@@ -1,4 +1,4 @@
-"""`kitchenmind train agent | predictor | intentions | compact | study`: parse options, show progress, report.
+"""`kitchenmind train agent | predictor | intentions | compact | study | bundle`: parse options, show progress, report.
 The training itself is elsewhere.
 """
 
@@ -17,11 +17,12 @@ from training.settings import ConfigError
 _PREDICTOR = "training.commands.predictor"
 _INTENTIONS = "training.commands.intentions"
 _COMPACT = "training.commands.compact"
+_BUNDLE = "training.commands.bundle"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add a subcommand for each kind of training."""
-    kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|intentions|compact|study", required=True)
+    kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|intentions|compact|study|bundle", required=True)
     agent = kinds.add_parser("agent", help="train one agent by self-play or with partners (FCP)")
     agent.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     agent.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
@@ -46,6 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     compact = kinds.add_parser("compact", help="store a predictor in half the bytes, and measure it again")
     compact.set_defaults(device="cpu", precision="float32")
     importlib.import_module(_COMPACT).add_arguments(compact)
+    bundle = kinds.add_parser("bundle", help="put a finished study of the preset published among the bundled weights")
+    bundle.set_defaults(device="cpu", precision="float32")
+    importlib.import_module(_BUNDLE).add_arguments(bundle)
 
 
 def _add_study(study: argparse.ArgumentParser) -> None:
@@ -85,6 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         "agent": _train_agent,
         "intentions": lambda given: int(importlib.import_module(_INTENTIONS).run(given)),
         "compact": lambda given: int(importlib.import_module(_COMPACT).run(given)),
+        "bundle": lambda given: int(importlib.import_module(_BUNDLE).run(given)),
         "study": _train_study,
         "predictor": lambda given: int(importlib.import_module(_PREDICTOR).run(given)),
     }

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from models.agents.catalogue import WEIGHTS, strong
 from models.networks.config import PredictorConfig
 from overcooked.layout import Layout
 from training.agents import SKILLS
@@ -104,7 +105,7 @@ def _train(layout: Layout, agent: str, configs: Configs, publish: bool, work: Wo
     counts = {"updates": trainer.update, "training games": len(trainer.train)}
     how = {**counts, **partners_met(read_manifest(games)), **work.task.settings}
     test = load_episodes(games, TEST, layout, trained.encoder)
-    published = [predictor_folder(layout, agent, network.form)] if publish else []
+    published = [_bundled(layout, agent, network.form)] if publish else []
     for folder in (work.folder / "predictor", *published):
         write_predictor(folder, trained, layout, _target(work, layout, agent), test, how)
 
@@ -117,4 +118,10 @@ def _add_intentions(layout: Layout, agent: str, form: str, publish: bool, work: 
     out = work.folder / "predictor"
     add_intentions(trained, work.inputs[f"games_{agent}"] / "games", settings, out, work.report)
     if publish:
-        shutil.copytree(out, predictor_folder(layout, agent, form), dirs_exist_ok=True)
+        shutil.copytree(out, _bundled(layout, agent, form), dirs_exist_ok=True)
+
+
+def _bundled(layout: Layout, agent: str, form: str) -> Path:
+    """Return the folder of a predictor whose agent is of our own recipe (`training.choose.publish_agents`)."""
+    both = (WEIGHTS / layout.name / strong(agent)).is_dir()
+    return predictor_folder(layout, strong(agent) if both else agent, form)
