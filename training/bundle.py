@@ -30,7 +30,7 @@ def bundle(kept: Path, layout: Layout, plan: CollectionPlan, told: Told) -> None
             f"{kept / layout.name}: {', '.join(missing)} not finished. Run "
             f"`kitchenmind train study --preset published --layouts {layout.name} --keep {kept}` to its end first."
         )
-    _keep_strong(layout)
+    keep_strong(layout)
     publish_from(finished, layout)
     told(f"{layout.name}: agents, population and partners never met")
     for agent in AGENTS:
@@ -41,8 +41,8 @@ def bundle(kept: Path, layout: Layout, plan: CollectionPlan, told: Told) -> None
             told(f"{layout.name}/{out.name}: {done.before:.2%} right in 16 bits, {done.after:.2%} in 8")
 
 
-def _keep_strong(layout: Layout) -> None:
-    """Rename what was there, unless the kitchen has both sets already."""
+def keep_strong(layout: Layout) -> None:
+    """Rename a kitchen's agents and predictors to `sp_strong` and so on, unless it has both sets already."""
     here = WEIGHTS / layout.name
     for agent in AGENTS:
         if (here / strong(agent)).exists() or not (here / agent).is_dir():

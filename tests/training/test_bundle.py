@@ -1,5 +1,7 @@
 """A finished study of the preset `published` among the bundled weights."""
 
+import contextlib
+import io
 import json
 import shutil
 from dataclasses import fields
@@ -14,6 +16,7 @@ from models.networks.checkpoint import load_checkpoint
 from models.networks.config import IntentionConfig, PredictorConfig
 from models.networks.predictor import PredictorNetwork
 from overcooked.layout import load_layout
+from training.bundle import keep_strong
 from training.collect import CollectionPlan, Target
 from training.evaluate_intentions import EvaluatedIntentions, intention_entry
 from training.publish_intentions import write_intentions
@@ -21,8 +24,9 @@ from training.publish_predictor import population_folder, unseen_games, write_pr
 
 RING = load_layout("coordination_ring")
 HERE = WEIGHTS / RING.name
-SMALL = PredictorConfig(hidden=64, layers=2, heads=2, feed_forward=128, state_width=64, action_width=8)
+SMALL = PredictorConfig(hidden=32, layers=1, heads=2, feed_forward=64, state_width=32, action_width=8)
 OURS = {agent: strong(agent) if (HERE / strong(agent)).is_dir() else agent for agent in ("sp", "fcp")}
+BEFORE = ("sp", "fcp", "sp_predictor_stream")
 MEMBERS = (
     "population_sp_1",
     "population_sp_2",
@@ -60,7 +64,7 @@ def _predictors(ring, agent, other):
     torch.manual_seed(0)
     network = PredictorNetwork(RING, SMALL, IntentionConfig(hidden=64))
     target = Target(agent, *load_agent(other, RING), agent_sha256(other, RING))
-    games = unseen_games(RING, target, network, population_folder(RING), CollectionPlan(1, 60))
+    games = unseen_games(RING, target, network, population_folder(RING), CollectionPlan(1, 30))
     none = intention_entry(EvaluatedIntentions(*(np.zeros(1, np.int64) for _ in fields(EvaluatedIntentions))), RING)
     for form in ("stream", "window"):
         place = ring / f"intentions_{agent}_{form}"
@@ -73,50 +77,67 @@ def _predictors(ring, agent, other):
 @pytest.fixture
 def weights(tmp_path, monkeypatch):
     """Bundled weights of a kitchen that has one set of agents."""
-    ring = tmp_path / "weights" / RING.name
-    for name in ("sp", "fcp", "sp_predictor_stream"):
+    return _weights(tmp_path, monkeypatch)
+
+
+def _weights(folder, monkeypatch):
+    ring = folder / "weights" / RING.name
+    for name in BEFORE:
         kind, *rest = name.split("_", 1)
         shutil.copytree(HERE / "_".join([OURS[kind], *rest]), ring / name)
     shutil.copytree(HERE / "population", ring / "population")
     for module in ("models.agents.catalogue", "training.choose", "training.bundle", "training.publish_predictor"):
-        monkeypatch.setattr(f"{module}.WEIGHTS", tmp_path / "weights")
+        monkeypatch.setattr(f"{module}.WEIGHTS", folder / "weights")
     return ring
 
 
+@pytest.fixture(scope="module")
+def bundled(kept, tmp_path_factory):
+    """The weights after a bundling, the sums of the files before, and what was said."""
+    with pytest.MonkeyPatch.context() as monkeypatch, contextlib.redirect_stdout(io.StringIO()) as said:
+        ring = _weights(tmp_path_factory.mktemp("bundled"), monkeypatch)
+        before = {name: (ring / name / "sha256").read_bytes() for name in BEFORE}
+        assert agent_set("sp", RING.name) == "strong"
+        assert _bundle(kept) == 0
+        yield ring, before, said.getvalue()
+
+
 def _bundle(kept, *options):
-    size = ["--trajectories", "1", "--timesteps", "60"]
+    size = ["--trajectories", "1", "--timesteps", "30"]
     return kitchenmind.main(["train", "bundle", "--kept", str(kept), "--layouts", RING.name, *size, *options])
 
 
-def test_the_published_agents_take_the_names_and_the_others_stay_as_strong_ones(weights, kept, capsys):
-    before = {name: (weights / name / "sha256").read_bytes() for name in ("sp", "fcp", "sp_predictor_stream")}
-    assert agent_set("sp", RING.name) == "strong"
-    assert _bundle(kept) == 0
-    assert (weights / "sp" / "sha256").read_bytes() == (kept / RING.name / "choose_sp/agent/sha256").read_bytes()
-    assert (weights / "sp_strong" / "sha256").read_bytes() == before["sp"]
-    assert (weights / "fcp_strong" / "sha256").read_bytes() == before["fcp"]
-    assert (weights / "sp_strong_predictor_stream" / "sha256").read_bytes() == before["sp_predictor_stream"]
+def test_the_published_agents_take_the_names_and_the_others_stay_as_strong_ones(bundled, kept):
+    ring, before, said = bundled
+    assert (ring / "sp" / "sha256").read_bytes() == (kept / RING.name / "choose_sp/agent/sha256").read_bytes()
+    assert (ring / "sp_strong" / "sha256").read_bytes() == before["sp"]
+    assert (ring / "fcp_strong" / "sha256").read_bytes() == before["fcp"]
+    assert (ring / "sp_strong_predictor_stream" / "sha256").read_bytes() == before["sp_predictor_stream"]
     assert [agent_set(name, RING.name) for name in ("sp", "sp_strong")] == ["published", "strong"]
+    assert said.count("right in 16 bits") == 4
+
+
+def test_predictors_of_both_agents_are_there_in_both_forms_and_8_bits(bundled):
+    ring, _, _ = bundled
     for agent in ("sp", "fcp"):
         for form in ("stream", "window"):
-            found = load_checkpoint(weights / f"{agent}_predictor_{form}")
+            found = load_checkpoint(ring / f"{agent}_predictor_{form}")
             assert found.bits == 8
             assert found.config["agent_sha256"] == agent_sha256(agent, RING)
-    assert capsys.readouterr().out.count("right in 16 bits") == 4
 
 
-def test_population_and_partners_that_no_target_met_are_replaced(weights, kept):
-    assert _bundle(kept) == 0
-    assert {path.name for path in (weights / "population").iterdir()} >= {"sp_1_35", "fcp_22_100"}
-    held_out = {path.name for path in (weights / "held_out").iterdir()}
+def test_population_and_partners_that_no_target_met_are_replaced(bundled):
+    ring, _, _ = bundled
+    assert {path.name for path in (ring / "population").iterdir()} >= {"sp_1_35", "fcp_22_100"}
+    held_out = {path.name for path in (ring / "held_out").iterdir()}
     assert held_out == {f"{name}_{skill}" for name in ("population_sp_2", "target_sp_11") for skill in (35, 70, 100)}
 
 
-def test_doing_it_again_leaves_the_strong_agents(weights, kept):
-    assert _bundle(kept) == 0
-    strong = (weights / "sp_strong" / "sha256").read_bytes()
-    assert _bundle(kept) == 0
-    assert (weights / "sp_strong" / "sha256").read_bytes() == strong
+def test_doing_it_again_leaves_the_strong_agents(bundled):
+    ring, before, _ = bundled
+    keep_strong(RING)
+    assert (ring / "sp_strong" / "sha256").read_bytes() == before["sp"]
+    assert (ring / "sp" / "sha256").read_bytes() != before["sp"]
 
 
 def test_an_unfinished_study_is_refused_before_anything_is_replaced(weights, kept, tmp_path, capsys):
