@@ -60,7 +60,10 @@ def test_no_panel_next_to_the_kitchen_cuts_off_its_last_line(
 
 @pytest.mark.parametrize(
     "size",
-    [(1024, 600), (1366, 768), (1920, 1080), (683, 384), (390, 844), (360, 640), (844, 390)],
+    [
+        *((1366, 768), (390, 844), (844, 390)),
+        *(pytest.param(size, marks=pytest.mark.slow) for size in ((1024, 600), (1920, 1080), (683, 384), (360, 640))),
+    ],
     ids=lambda size: f"{size[0]}x{size[1]}",
 )
 def test_everything_that_matters_is_in_sight_without_scrolling(

@@ -62,7 +62,11 @@ def test_where_marks_are_always_drawn_there_is_neither_key_nor_button(
 
 
 @pytest.mark.parametrize("show", ["on_key", "toggle"])
-@pytest.mark.parametrize("size", [PHONE, LANDSCAPE, {"width": 360, "height": 640}], ids=str)
+@pytest.mark.parametrize(
+    "size",
+    [PHONE, *(pytest.param(size, marks=pytest.mark.slow) for size in (LANDSCAPE, {"width": 360, "height": 640}))],
+    ids=str,
+)
 def test_on_a_touch_screen_a_button_asks_for_the_marks(
     chromium: Browser, server: FakeGameServer, size: dict[str, Any], show: str
 ) -> None:

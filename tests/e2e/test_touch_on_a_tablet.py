@@ -28,7 +28,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
         yield running
 
 
-@pytest.fixture(params=[(820, 1180), (1180, 820)], ids=["upright", "across"])
+@pytest.fixture(params=[(820, 1180), pytest.param((1180, 820), marks=pytest.mark.slow)], ids=["upright", "across"])
 def page(request: pytest.FixtureRequest, chromium: Browser, server: LiveServer) -> Iterator[Page]:
     """A new draft on a tablet that is held so; errors of a script fail the test."""
     width, height = request.param
