@@ -174,7 +174,7 @@ def test_simple_effects_are_t_tests_over_people(episodes: pl.DataFrame) -> None:
     assert (row.statistic, row.p) == pytest.approx((t, p))
     corrected = stats.false_discovery_control([one.p for one in rows[:5]])
     assert [one.p_adjusted for one in rows[:5]] == pytest.approx(list(corrected))
-    assert rows[:5] == adjust(rows[:5])
+    assert repr(rows[:5]) == repr(adjust(rows[:5]))  # what does not apply is NaN, which equals nothing
 
 
 def test_one_layout_or_agent_has_no_simple_effects(episodes: pl.DataFrame) -> None:
