@@ -16,6 +16,7 @@ from training.dataset import NONE, Episodes, stream_batch, window_batch
 STUCK_AFTER = 3  # timesteps without a change of cell, facing or hand: a tick counts as stuck, for people and agents
 BINS = 15  # of the confidence, for the calibration error
 _AT_ONCE = {"stream": 16, "window": 4096}  # episodes, windows
+_WINDOWS_ON_CPU = 512  # what fits into the caches of a core: 1.5 times faster than 4096
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Evaluation:
 def logits(network: PredictorNetwork, episodes: Episodes) -> torch.Tensor:
     """Return the network's logits for every state: (E, T, 3, 6), by its forward pass in training; serving gives the
     same."""
-    return over_all_states(network, episodes, network)
+    return over_all_states(network, episodes, network).float()
 
 
 @torch.inference_mode()
@@ -84,8 +85,9 @@ def over_all_states(network: PredictorNetwork, episodes: Episodes, answer: Calla
         return torch.cat(parts)
     rows, last = (each.ravel() for each in np.meshgrid(every, np.arange(timesteps), indexing="ij"))
     parts = []
-    for first in range(0, len(rows), _AT_ONCE["window"]):
-        some = slice(first, first + _AT_ONCE["window"])
+    at_once = _WINDOWS_ON_CPU if device.type == "cpu" else _AT_ONCE["window"]
+    for first in range(0, len(rows), at_once):
+        some = slice(first, first + at_once)
         features, actions, present, _ = window_batch(episodes, labels, rows[some], last[some])
         parts.append(answer(*(part.to(device) for part in (features, actions, present))).cpu())
     logit_values = torch.cat(parts)

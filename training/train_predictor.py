@@ -131,7 +131,8 @@ class PredictorTrainer:
         """Validate the averaged weights and remember them if they are the best."""
         current = {name: value.clone() for name, value in self._learned().items()}
         self._load(self.average)
-        result = evaluate(self.network, self.validation)
+        with autocast(self.compute.device, self.compute.precision):
+            result = evaluate(self.network, self.validation)
         self._load(current)
         if result.accuracy.mean > self.best_accuracy:
             self.best = {name: value.clone() for name, value in self.average.items()}

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ from overcooked.vector_env import Starts, VectorEnv
 from training.agents import train_agent
 from training.compute import Compute, ComputeError, Request, quickest, request, requested
 from training.config import agent_config
+from training.dataset import Episodes
 from training.fast_path import choose_compute, fast_path
 from training.ppo import PpoTrainer
+from training.predictor_config import TrainingConfig
 from training.threaded_env import ThreadedEnv, threaded_env
+from training.train_predictor import PredictorTrainer
 
 RING = load_layout("coordination_ring")
 MATRIX = load_layout("matrix")
@@ -139,3 +143,23 @@ def test_a_run_continues_with_another_number_of_threads(
         np.testing.assert_array_equal(other.env.state()[name], array)
     np.testing.assert_array_equal(other.observations, trainer.observations)
     assert np.isfinite(other.iteration()["policy_loss"])
+
+
+def test_validation_is_computed_as_the_updates_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    formats = []
+
+    def evaluated(*_: object) -> SimpleNamespace:
+        formats.append(torch.is_autocast_enabled("cpu"))
+        return SimpleNamespace(accuracy=SimpleNamespace(mean=0.5))
+
+    monkeypatch.setattr("training.train_predictor.evaluate", evaluated)
+    network = PredictorNetwork(RING, PredictorConfig(hidden=16, layers=1, heads=2, state_width=16))
+    features = torch.zeros(1, 20, network.encoder.size, dtype=torch.float16)
+    actions = np.zeros((1, 20), np.int8)
+    both = np.zeros((1, 20, 2), np.int8)
+    games = Episodes(features, both, actions, np.ones((1, 20), np.float32), both.astype(np.int16))
+    for precision in ("float32", "bfloat16"):
+        trainer = PredictorTrainer(network, TrainingConfig(), games, games, Compute("cpu", precision, "direct"))
+        assert trainer.look().accuracy.mean == 0.5
+    assert formats == [False, True]
+    assert not torch.is_autocast_enabled("cpu")
