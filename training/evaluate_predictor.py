@@ -16,7 +16,7 @@ from training.dataset import NONE, Episodes, stream_batch, window_batch
 STUCK_AFTER = 3  # timesteps without a change of cell, facing or hand: a tick counts as stuck, for people and agents
 BINS = 15  # of the confidence, for the calibration error
 _AT_ONCE = {"stream": 16, "window": 4096}  # episodes, windows
-_WINDOWS_ON_CPU = 512  # what fits into the caches of a core: 1.5 times faster than 4096
+_WINDOWS_ON_CPU = 512  # few enough for the caches of a core
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ def test_a_browser_without_what_the_game_needs_is_turned_away_before_consent(sit
     context = chromium.new_context(viewport=DESKTOP, locale="en-GB")  # type: ignore[arg-type]
     page = context.new_page()
     lost = ", ".join(f"'{missing}': () => delete {missing}" for missing in NEEDED)
-    page.add_init_script(f"({{{lost}}})[window.name]?.()")  # one page, read again for each: its name stays
+    page.add_init_script(f"({{{lost}}})[window.name]?.()")  # a reload keeps the name
     page.goto(f"{site.url}/s/unchecked")
     for missing in NEEDED:
         page.evaluate("name => { window.name = name; }", missing)
