@@ -2,14 +2,13 @@
 
 import json
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from models.agents.catalogue import TRAINED, WEIGHTS, agent_set, load_agent, strong
-from models.networks.checkpoint import load_checkpoint, save_checkpoint
+from models.agents.catalogue import KINDS, TRAINED, WEIGHTS, agent_set, load_agent, our_agent
 from models.networks.policy import NetworkPolicy, load_network
 from models.protocols import Policy
 from overcooked.constants import HORIZON
@@ -58,17 +57,19 @@ def best_fcp(scores: Mapping[str, Mapping[str, float]], of_sp: float) -> str:
 def publish_agents(work: Work, layout: Layout) -> None:
     """Copy the agents of our own recipe into models/weights/<layout>. Where the kitchen also has the published agents,
     only `sp_strong` and `fcp_strong` are replaced, and the population stays the published one."""
-    if not all((WEIGHTS / layout.name / strong(agent)).is_dir() for agent in ("sp", "fcp")):
-        publish_from(work.inputs, layout)
+    names = {kind: our_agent(kind, layout.name) for kind in KINDS}
+    if tuple(names.values()) == KINDS:
+        publish_from(work.inputs, layout, _copy)
         return
-    for agent in ("sp", "fcp"):
-        _copy(work.inputs[f"choose_{agent}"] / "agent", WEIGHTS / layout.name / strong(agent))
+    for kind, name in names.items():
+        _copy(work.inputs[f"choose_{kind}"] / "agent", WEIGHTS / layout.name / name)
 
 
-def publish_from(inputs: Mapping[str, Path], layout: Layout) -> None:
+def publish_from(inputs: Mapping[str, Path], layout: Layout, copy_partner: Callable[[Path, Path], None]) -> None:
     """Copy the chosen agents, the pretrained encoder, the population, and the partners that no target met from the
-    folders of finished tasks into models/weights/<layout>, partners with 8 bits."""
+    folders of finished tasks into models/weights/<layout>. `copy_partner` copies an agent that is only a partner."""
     target = WEIGHTS / layout.name
+    shutil.rmtree(target / HELD_OUT, ignore_errors=True)
     for name, folder in inputs.items():
         role, _, seed = name.rpartition("_")
         if role == "choose":
@@ -78,13 +79,12 @@ def publish_from(inputs: Mapping[str, Path], layout: Layout) -> None:
         elif role.startswith("population"):
             kind = role.removeprefix("population_")
             for skill in SKILLS:
-                _partner(folder / str(skill), target / "population" / f"{kind}_{seed}_{skill}")
+                copy_partner(folder / str(skill), target / "population" / f"{kind}_{seed}_{skill}")
     chosen = json.loads((inputs["choose_sp"] / _DECISION).read_text(encoding="utf-8"))["best"]
-    shutil.rmtree(target / HELD_OUT, ignore_errors=True)
     for name, folder in inputs.items():
         if _is_unseen(name, chosen, inputs) and not name.startswith("population_fcp"):
             for skill in SKILLS:
-                _partner(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
+                copy_partner(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
 
 
 def evaluate_bundled(
@@ -99,7 +99,7 @@ def evaluate_bundled(
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
     players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
     return [
-        measured(layout, name, player, unseen_partners, episodes, timesteps) | _set_of(name, layout)
+        measured(layout, name, player, unseen_partners, episodes, timesteps) | agent_set(name, layout.name)
         for name, player in players.items()
     ]
 
@@ -114,13 +114,9 @@ def evaluate_with(
     other = EvaluatedAgent(*load_agent(partner, layout))
     players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
     return [
-        measured_with(layout, name, player, partner, other, (episodes, timesteps)) | _set_of(name, layout)
+        measured_with(layout, name, player, partner, other, (episodes, timesteps)) | agent_set(name, layout.name)
         for name, player in players.items()
     ]
-
-
-def _set_of(name: str, layout: Layout) -> dict[str, str]:
-    return {"agent_set": agent_set(name, layout.name)} if name in TRAINED else {}
 
 
 def _is_unseen(name: str, chosen: str, inputs: Iterable[str]) -> bool:
@@ -149,14 +145,6 @@ def _policy(folder: Path) -> Policy:
 
 def _levels(folders: Sequence[Path]) -> list[Policy]:
     return [NetworkPolicy(load_network(folder / str(skill))) for folder in folders for skill in SKILLS]
-
-
-def _partner(folder: Path, target: Path) -> None:
-    """Copy an agent that is only a partner, with 8 bits for each weight of its matrices."""
-    found = load_checkpoint(folder)
-    line = "Stored with 8 bits for each weight of a matrix."
-    card = found.card if line in found.card else f"{found.card.rstrip()}\n\n{line}"
-    save_checkpoint(target, found.config, found.tensors, card, 8)
 
 
 def _copy(folder: Path, target: Path) -> None:

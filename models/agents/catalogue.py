@@ -22,8 +22,9 @@ SCRIPTED: dict[str, tuple[type[Policy], Mode]] = {
     "random": (scripted.UniformPolicy, scripted.PLAIN),
     "stay": (scripted.StayPolicy, scripted.SURE),
 }
-TRAINED = ("sp", "fcp", "sp_strong", "fcp_strong")  # bundled agents whose figures are published
-_STRONG = "_strong"  # marks agents of our stronger recipe, where a kitchen also has agents of the published one
+KINDS = ("sp", "fcp")  # of the agents that a study trains
+_STRONG = "_strong"  # marks agents of our own recipe, where a kitchen also has agents of the published one
+TRAINED = (*KINDS, *(f"{kind}{_STRONG}" for kind in KINDS))  # the bundled agents that `kitchenmind evaluate` measures
 TEMPERATURES = {"greedy": 0.0, "sampled": 1.0}  # by the suffix after the @ of an agent's name
 
 
@@ -44,15 +45,23 @@ def agent_names(layout: str) -> list[str]:
     return [*SCRIPTED, *bundled]
 
 
-def strong(name: str) -> str:
-    """Return the name of the agent of our stronger recipe in the kitchens that have both."""
-    return f"{name}{_STRONG}"
+def strong(kind: str) -> str:
+    """Return the name of the agent of our own recipe in a kitchen that has both sets."""
+    return f"{kind}{_STRONG}"
 
 
-def agent_set(name: str, layout: str) -> str:
-    """Return by which recipe a bundled agent was trained: "published" (the paper's) or "strong" (ours, which plays
-    better: `_strong` in the kitchens that have both, and every agent of the kitchens that have this one alone)."""
-    return "published" if (WEIGHTS / layout / strong(name)).is_dir() else "strong"
+def our_agent(kind: str, layout: str) -> str:
+    """Return the name that the agent of our own recipe has in a kitchen: `sp_strong` if the kitchen also has the
+    published one, else `sp`."""
+    return strong(kind) if (WEIGHTS / layout / strong(kind)).is_dir() else kind
+
+
+def agent_set(name: str, layout: str) -> dict[str, str]:
+    """Return the entry of `evaluate --json` that says by which recipe a bundled agent was trained: "published" (the
+    paper's) or "strong" (ours, which plays better). Empty for other agents."""
+    if name not in TRAINED:
+        return {}
+    return {"agent_set": "strong" if our_agent(name.removesuffix(_STRONG), layout) == name else "published"}
 
 
 def load_agent(name: str, layout: Layout) -> LoadedAgent:

@@ -1,4 +1,4 @@
-"""A finished study of the preset `published` among the bundled weights."""
+"""The finished training of a study among the bundled weights."""
 
 import contextlib
 import io
@@ -11,7 +11,7 @@ import pytest
 import torch
 
 import kitchenmind
-from models.agents.catalogue import WEIGHTS, agent_set, agent_sha256, load_agent, strong
+from models.agents.catalogue import WEIGHTS, agent_set, agent_sha256, load_agent, our_agent
 from models.networks.checkpoint import load_checkpoint
 from models.networks.config import IntentionConfig, PredictorConfig
 from models.networks.predictor import PredictorNetwork
@@ -19,28 +19,20 @@ from overcooked.layout import load_layout
 from training.bundle import keep_strong
 from training.collect import CollectionPlan, Target
 from training.evaluate_intentions import EvaluatedIntentions, intention_entry
+from training.pipeline.agent_tasks import prediction_tasks, study_tasks
+from training.pipeline.presets import load_preset
+from training.pipeline.study_tasks import Graph
 from training.publish_intentions import write_intentions
 from training.publish_predictor import population_folder, unseen_games, write_predictor
 
 RING = load_layout("coordination_ring")
 HERE = WEIGHTS / RING.name
 SMALL = PredictorConfig(hidden=32, layers=1, heads=2, feed_forward=64, state_width=32, action_width=8)
-OURS = {agent: strong(agent) if (HERE / strong(agent)).is_dir() else agent for agent in ("sp", "fcp")}
+OURS = {kind: our_agent(kind, RING.name) for kind in ("sp", "fcp")}
 BEFORE = ("sp", "fcp", "sp_predictor_stream")
-MEMBERS = (
-    "population_sp_1",
-    "population_sp_2",
-    "population_fcp_21",
-    "population_fcp_22",
-    "target_sp_11",
-    "target_sp_12",
-)
-
-
-def _finished(folder, source, places=("35", "70", "100")):
-    for place in places:
-        shutil.copytree(source, folder / place)
-    (folder / "key").write_text("a key\n")
+MEMBERS = ("population_sp_1", "population_sp_2", "population_fcp_21", "population_fcp_22")
+TARGETS = ("target_sp_11", "target_sp_12", "target_fcp_31", "target_fcp_32")
+PRESET = "population = 2\ntargets = 2\nextras = false\npublish = false\n"
 
 
 @pytest.fixture(scope="module")
@@ -48,14 +40,22 @@ def kept(tmp_path_factory):
     """A study's finished tasks: bundled agents under other names, and one untrained predictor for each agent."""
     torch.set_num_threads(1)
     folder = tmp_path_factory.mktemp("kept")
-    ring, members = folder / RING.name, sorted((HERE / "population").iterdir())
-    for name, source in zip(MEMBERS, members, strict=False):
-        _finished(ring / name, source)
-    _finished(ring / "features_41", HERE / "features", ["100"])
+    (folder / "preset.toml").write_text(PRESET)
+    ring, population = folder / RING.name, HERE / "population"
+    for name in (*MEMBERS, *TARGETS):
+        agent = name.removeprefix("population_") if name in MEMBERS else "sp_3"
+        for skill in (35, 70, 100):
+            shutil.copytree(population / f"{agent}_{skill}", ring / name / str(skill))
+    shutil.copytree(HERE / "features", ring / "features_41" / "100")
     for agent, other in (("sp", OURS["fcp"]), ("fcp", OURS["sp"])):
-        _finished(ring / f"choose_{agent}", HERE / other, ["agent"])
+        shutil.copytree(HERE / other, ring / f"choose_{agent}" / "agent")
         (ring / f"choose_{agent}" / "decision.json").write_text(json.dumps({"best": "target_sp_12"}))
         _predictors(ring, agent, other)
+    preset = load_preset(str(folder / "preset.toml"))
+    graph = Graph([*study_tasks(RING.name, preset), *prediction_tasks(RING.name, preset)], folder)
+    for label, key in graph.keys.items():
+        if (folder / label).is_dir():
+            (folder / label / "key").write_text(f"{key}\n")
     return folder
 
 
@@ -71,7 +71,6 @@ def _predictors(ring, agent, other):
         write_predictor(place / "predictor", network, RING, target, games, {"updates": 7})
         written = load_checkpoint(place / "predictor")
         write_intentions(written, network.intentions, none, {"states": 1}, place / "predictor")
-        (place / "key").write_text("a key\n")
 
 
 @pytest.fixture
@@ -97,14 +96,14 @@ def bundled(kept, tmp_path_factory):
     with pytest.MonkeyPatch.context() as monkeypatch, contextlib.redirect_stdout(io.StringIO()) as said:
         ring = _weights(tmp_path_factory.mktemp("bundled"), monkeypatch)
         before = {name: (ring / name / "sha256").read_bytes() for name in BEFORE}
-        assert agent_set("sp", RING.name) == "strong"
+        assert agent_set("sp", RING.name) == {"agent_set": "strong"}
         assert _bundle(kept) == 0
         yield ring, before, said.getvalue()
 
 
-def _bundle(kept, *options):
-    size = ["--trajectories", "1", "--timesteps", "30"]
-    return kitchenmind.main(["train", "bundle", "--kept", str(kept), "--layouts", RING.name, *size, *options])
+def _bundle(kept):
+    size = ["--trajectories", "1", "--timesteps", "30", "--preset", str(kept / "preset.toml")]
+    return kitchenmind.main(["train", "bundle", "--kept", str(kept), "--layouts", RING.name, *size])
 
 
 def test_the_published_agents_take_the_names_and_the_others_stay_as_strong_ones(bundled, kept):
@@ -113,7 +112,8 @@ def test_the_published_agents_take_the_names_and_the_others_stay_as_strong_ones(
     assert (ring / "sp_strong" / "sha256").read_bytes() == before["sp"]
     assert (ring / "fcp_strong" / "sha256").read_bytes() == before["fcp"]
     assert (ring / "sp_strong_predictor_stream" / "sha256").read_bytes() == before["sp_predictor_stream"]
-    assert [agent_set(name, RING.name) for name in ("sp", "sp_strong")] == ["published", "strong"]
+    sets = [agent_set(name, RING.name) for name in ("sp", "sp_strong", "planner")]
+    assert sets == [{"agent_set": "published"}, {"agent_set": "strong"}, {}]
     assert said.count("right in 16 bits") == 4
 
 
@@ -126,11 +126,14 @@ def test_predictors_of_both_agents_are_there_in_both_forms_and_8_bits(bundled):
             assert found.config["agent_sha256"] == agent_sha256(agent, RING)
 
 
-def test_population_and_partners_that_no_target_met_are_replaced(bundled):
+def test_population_and_partners_that_no_target_met_are_replaced_by_agents_in_8_bits(bundled):
     ring, _, _ = bundled
-    assert {path.name for path in (ring / "population").iterdir()} >= {"sp_1_35", "fcp_22_100"}
+    members = {path.name for path in (ring / "population").iterdir()}
+    assert members == {f"{name.removeprefix('population_')}_{skill}" for name in MEMBERS for skill in (35, 70, 100)}
     held_out = {path.name for path in (ring / "held_out").iterdir()}
     assert held_out == {f"{name}_{skill}" for name in ("population_sp_2", "target_sp_11") for skill in (35, 70, 100)}
+    assert {load_checkpoint(path).bits for path in ring.glob("population/*")} == {8}
+    assert load_checkpoint(ring / "sp").bits == 16
 
 
 def test_doing_it_again_leaves_the_strong_agents(bundled):
@@ -140,13 +143,20 @@ def test_doing_it_again_leaves_the_strong_agents(bundled):
     assert (ring / "sp" / "sha256").read_bytes() != before["sp"]
 
 
-def test_an_unfinished_study_is_refused_before_anything_is_replaced(weights, kept, tmp_path, capsys):
+@pytest.mark.parametrize("name", ["intentions_fcp_window", "population_fcp_22"])
+@pytest.mark.parametrize("outdated", [False, True], ids=["missing", "other settings"])
+def test_a_task_that_is_missing_or_had_other_settings_is_named_before_anything_is_replaced(
+    weights, kept, tmp_path, capsys, name, outdated
+):
     part = tmp_path / "part"
     shutil.copytree(kept, part)
-    shutil.rmtree(part / RING.name / "intentions_fcp_window")
+    if outdated:
+        (part / RING.name / name / "key").write_text("of an earlier preset\n")
+    else:
+        shutil.rmtree(part / RING.name / name)
     before = (weights / "sp" / "sha256").read_bytes()
     assert _bundle(part) == 2
     said = capsys.readouterr().err
-    assert "intentions_fcp_window not finished" in said
+    assert f"{name} not finished with the settings of the preset" in said
     assert f"--keep {part}" in said
     assert (weights / "sp" / "sha256").read_bytes() == before

@@ -44,8 +44,9 @@ def test_the_set_of_an_agent_is_published_where_the_kitchen_also_has_a_strong_on
     monkeypatch.setattr("models.agents.catalogue.WEIGHTS", tmp_path)
     for name in ("ring/sp", "ring/sp_strong", "room/sp"):
         (tmp_path / name).mkdir(parents=True)
-    sets = [agent_set(name, layout) for layout, name in (("ring", "sp"), ("ring", "sp_strong"), ("room", "sp"))]
-    assert sets == ["published", "strong", "strong"]
+    agents = (("ring", "sp"), ("ring", "sp_strong"), ("room", "sp"))
+    assert [agent_set(name, layout)["agent_set"] for layout, name in agents] == ["published", "strong", "strong"]
+    assert agent_set("planner", "ring") == {}
 
 
 def printed(capsys, *words):

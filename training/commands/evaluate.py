@@ -124,7 +124,7 @@ def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Measure the predictors of one kitchen."""
-    from models.agents.catalogue import TRAINED, agent_names, agent_set
+    from models.agents.catalogue import agent_names, agent_set
     from models.networks.checkpoint import load_checkpoint
     from models.networks.predictor import predictor_network
     from training.collect import TRAIN, CollectionPlan
@@ -149,9 +149,7 @@ def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str
             raise ValueError(f"{folder}: is for {trained_on.name}, not {layout.name}. Give its own --layout.")
         target = asked or load_target(agent, layout)
         games = unseen_games(layout, target, network, population, plan, arguments.partner)
-        entry = evaluate(network, games).entry(layout.name, agent, form)
-        if agent in TRAINED:
-            entry["agent_set"] = agent_set(agent, layout.name)
+        entry = evaluate(network, games).entry(layout.name, agent, form) | agent_set(agent, layout.name)
         if arguments.intentions:
             others = unseen_partners(layout, population, arguments.partner)
             known = partners_in(TRAIN, layout, population)

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     compact = kinds.add_parser("compact", help="store a predictor in half the bytes, and measure it again")
     compact.set_defaults(device="cpu", precision="float32")
     importlib.import_module(_COMPACT).add_arguments(compact)
-    bundle = kinds.add_parser("bundle", help="put a finished study of the preset published among the bundled weights")
+    bundle = kinds.add_parser("bundle", help="put the finished training of a study among the bundled weights")
     bundle.set_defaults(device="cpu", precision="float32")
     importlib.import_module(_BUNDLE).add_arguments(bundle)
 

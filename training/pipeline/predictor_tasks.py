@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from models.agents.catalogue import WEIGHTS, strong
+from models.agents.catalogue import KINDS, our_agent
 from models.networks.config import PredictorConfig
 from overcooked.layout import Layout
 from training.agents import SKILLS
@@ -25,7 +25,7 @@ from training.publish_predictor import partners_met, predictor_folder, write_pre
 from training.runlog import RunFolder
 from training.train_predictor import prepared, train_predictor
 
-AGENTS, FORMS = ("sp", "fcp"), ("stream", "window")
+FORMS = ("stream", "window")
 ENCODER, CLONES = "features", "clones"  # names of tasks
 
 
@@ -47,7 +47,7 @@ def predictor_tasks(
         clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in found}
         tasks.append(Task(layout.name, CLONES, partial(_train_human_bc, layout), clones, (), 2.0))
         partners = (*partners, CLONES)
-    for agent in AGENTS:
+    for agent in KINDS:
         chosen, games = f"choose_{agent}", f"games_{agent}"
         inputs: tuple[str, ...] = (chosen, *partners)
         plan = asdict(CollectionPlan()) if extras else {**asdict(CollectionPlan()), "extras": False}
@@ -122,6 +122,5 @@ def _add_intentions(layout: Layout, agent: str, form: str, publish: bool, work: 
 
 
 def _bundled(layout: Layout, agent: str, form: str) -> Path:
-    """Return the folder of a predictor whose agent is of our own recipe (`training.choose.publish_agents`)."""
-    both = (WEIGHTS / layout.name / strong(agent)).is_dir()
-    return predictor_folder(layout, strong(agent) if both else agent, form)
+    """Return the folder of a bundled predictor of an agent that `training.choose.publish_agents` publishes."""
+    return predictor_folder(layout, our_agent(agent, layout.name), form)

@@ -105,13 +105,20 @@ class Graph:
         shutil.rmtree(target, ignore_errors=True)
         new.replace(target)
 
+    def kept_in(self, kept: Path) -> dict[str, Path]:
+        """Return the folder of each task that `keep` copied to `kept` with the same settings and inputs."""
+        files = {label: kept / label / "key" for label in self.tasks}
+        return {
+            label: file.parent
+            for label, file in files.items()
+            if file.is_file() and file.read_text(encoding="utf-8").strip() == self.keys[label]
+        }
+
     def take_over(self, kept: Path) -> list[str]:
         """Mark tasks as done whose results are in `kept` with the same settings and inputs; return their labels."""
         taken = []
-        for label in self.tasks:
-            source = kept / label
-            key = (source / "key").read_text(encoding="utf-8").strip() if (source / "key").is_file() else ""
-            if self.done(label) or key != self.keys[label]:
+        for label, source in self.kept_in(kept).items():
+            if self.done(label):
                 continue
             shutil.copytree(source, self.folder(label), dirs_exist_ok=True)
             (self.folder(label) / "task_done").touch()
