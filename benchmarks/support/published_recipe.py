@@ -18,11 +18,7 @@ def predictors() -> list[dict[str, Any]]:
     return [json.loads(path.read_text(encoding="utf-8"))["measured"] for path in paths]
 
 
-def points() -> dict[tuple[str, str], str]:
-    """Return the points of each chosen agent with itself, by layout and agent."""
-    found = {}
-    for path in sorted(KEPT.glob("*/choose_*/decision.json")):
-        measured = json.loads(path.read_text(encoding="utf-8"))["measured"]
-        own = measured["self_play"]
-        found[measured["layout"], measured["agent"]] = f"{own['mean']:.0f} ± {own['se']:.0f}"
-    return found
+def agents() -> list[dict[str, Any]]:
+    """Return the points of each chosen agent: layout, agent, self_play, held_out (of FCP)."""
+    paths = sorted(KEPT.glob("*/choose_*/decision.json"))
+    return [json.loads(path.read_text(encoding="utf-8"))["measured"] for path in paths]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.support.results_tables import PUBLISHED, accuracy, points
 from models.agents.catalogue import WEIGHTS, load_agent
 from overcooked.layout import load_layout
 from training.evaluate_agents import EvaluatedAgent, measured
@@ -21,7 +22,7 @@ CELLS = [(layout, agent) for layout in results.LAYOUTS for agent in results.AGEN
 REMEDY = "Run: python benchmarks/results.py --write"
 
 
-def points(layout, agent):
+def points_of(layout, agent):
     return next(entry for entry in FIGURES["agents"] if (entry["layout"], entry["agent"]) == (layout, agent))
 
 
@@ -46,7 +47,7 @@ def test_every_predictor_was_made_for_the_agent_that_is_bundled(layout, agent):
 @pytest.mark.parametrize(("layout", "agent"), CELLS)
 def test_predictions_are_better_than_published_near_the_ceiling_and_calibrated(layout, agent):
     entry = served(layout, agent)
-    published = results.PUBLISHED[agent, "offline"][results.LAYOUTS.index(layout)]
+    published = PUBLISHED[agent, "offline"][results.LAYOUTS.index(layout)]
     assert entry["accuracy"]["mean"] > published
     assert entry["accuracy"]["step1"] >= 0.9 * entry["ceiling_step1"]
     assert entry["accuracy"]["mean"] > max(entry["baselines"].values())
@@ -65,7 +66,7 @@ def test_predictions_are_better_than_published_near_the_ceiling_and_calibrated(l
     ],
 )
 def test_agents_cook_well_with_themselves_and_fcp_better_with_unseen_partners(layout, enough):
-    sp, fcp, planner = (points(layout, agent) for agent in ("sp", "fcp", "planner"))
+    sp, fcp, planner = (points_of(layout, agent) for agent in ("sp", "fcp", "planner"))
     assert sp["self_play"]["mean"] >= enough
     assert fcp["self_play"]["mean"] >= sp["self_play"]["mean"] / 2
     assert fcp["held_out"]["mean"] > sp["held_out"]["mean"]
@@ -75,4 +76,19 @@ def test_agents_cook_well_with_themselves_and_fcp_better_with_unseen_partners(la
 def test_a_kept_figure_comes_out_again():
     ring = load_layout("coordination_ring")
     again = measured(ring, "sp", EvaluatedAgent(*load_agent("sp", ring)), ())
-    assert again["self_play"] == points("coordination_ring", "sp")["self_play"]
+    assert again["self_play"] == points_of("coordination_ring", "sp")["self_play"]
+
+
+def test_a_cell_without_a_predictor_is_a_dash_and_one_below_the_paper_is_named():
+    entry = json.loads(json.dumps(served("coordination_ring", "fcp"))) | {"form": "window"}
+    entry["accuracy"]["mean"] = 89.5  # the paper: 89.54
+    lines = accuracy([entry], ("fcp",), ("window",))
+    assert "| **FCP, window** | **89.50** | – | – | – | – |" in lines
+    assert lines[-1] == "Not above the paper's figure: FCP (window) in Coordination Ring."
+    entry["accuracy"]["mean"] = 89.55
+    assert accuracy([entry], ("fcp",), ("window",))[-1].startswith("| baselines")
+
+
+def test_points_that_were_not_measured_are_a_dash():
+    lines = points([{"layout": "matrix", "agent": "sp", "self_play": {"mean": 200.0, "se": 0.5}}])
+    assert lines[2:] == ["| SP, with itself | – | – | – | 200 ± 0 | – |"]
