@@ -52,6 +52,11 @@ def _grouped(table: pl.DataFrame) -> Groups:
     return Groups(table, "value", "question")
 
 
+def rows(answers: pl.DataFrame, conditions: Sequence[str], agents: Sequence[str]) -> list[Result]:
+    """Return means and tests of every question that was asked."""
+    return [*means(answers, conditions, agents), *tests(answers, conditions, agents)]
+
+
 def means(answers: pl.DataFrame, conditions: Sequence[str], agents: Sequence[str]) -> list[Result]:
     """Mean answer with standard error and 95 % interval for every question, agent and condition that was asked; over
     the means of people, as a person answers several times."""

@@ -112,15 +112,14 @@ def analyse(export: Export, options: Options) -> Analysis:
         *reward_rows(episodes, design, options),
         *model.rows,
         *assumptions.check(episodes, MEASURE, conditions, cells(layouts, agents)),
-        *questionnaires.means(answers, conditions, agents),
-        *questionnaires.tests(answers, conditions, agents),
+        *questionnaires.rows(answers, conditions, agents),
         *scales.rows(export, scores, used, conditions),
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
         *design_rows(export, episodes, answers, conditions),
         *robustness_rows(RobustnessInputs(export, every, episodes, quality, answers, *compared)),
     ]
-    powers = _powers(model, episodes, conditions, options)
+    powers = tuple(_powers(model, episodes, conditions, options))
     return Analysis(
         export,
         *(conditions, layouts, agents, design.contrast),
@@ -128,7 +127,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         episodes,
         quality,
         model,
-        tuple(powers),
+        powers,
         (*rows, *_power_rows(powers)),
         declaration,
         scores,

@@ -151,9 +151,7 @@ async def _services(
     versions = StudyVersions(settings, files, models, web.studies, None if peers is None else peers.processes)
     await versions.begin(web.database, joins)
     sockets = _sockets(web, games, versions)
-    demonstrations, previews = _unstored(web, games, models)
-    for unstored in (demonstrations, previews):
-        stack.push_async_callback(unstored.games.stop)
+    demonstrations, previews = _unstored(web, games, models, stack)
     live = LiveGames(web, games, sockets, peers)
     dashboard = Dashboard(live, _database_file(settings))
     control = await _control(web, games, versions, stack, shared=node is not None)
@@ -181,9 +179,13 @@ async def _services(
         rehearsals=Rehearsals(stack, settings.data),
         reports=StudyReports(web.database, settings.database, stack),
     )
-    running = (alerts, services.latency_history, versions, hook)
-    stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in running if work is not None))
+    _run(stack, alerts, services.latency_history, versions, *([] if hook is None else [hook]))
     return services
+
+
+def _run(stack: AsyncExitStack, *works: Alerts | LatencyHistory | StudyVersions | Webhook) -> None:
+    """Start what works in the background; `stack` stops it."""
+    stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in works))
 
 
 def _state(live: LiveGames, models: ModelServer, alerts: Alerts, versions: StudyVersions, name: str) -> Process:
@@ -191,10 +193,15 @@ def _state(live: LiveGames, models: ModelServer, alerts: Alerts, versions: Study
     return Process(name, metrics_of(live, models), alerts.shared(), versions.served())
 
 
-def _unstored(web: Web, games: Games, models: ModelServer) -> tuple[Demonstrations, PreviewGames]:
-    """Return a factory of games that are not stored."""
+def _unstored(
+    web: Web, games: Games, models: ModelServer, stack: AsyncExitStack
+) -> tuple[Demonstrations, PreviewGames]:
+    """Return the games that are not stored; `stack` stops them."""
     demonstrations = Demonstrations(games.with_recorder, web.studies, web.csrf.is_own_origin)
-    return demonstrations, PreviewGames(games.with_recorder, web.csrf.is_own_origin, PreviewModels(models))
+    previews = PreviewGames(games.with_recorder, web.csrf.is_own_origin, PreviewModels(models))
+    stack.push_async_callback(demonstrations.games.stop)
+    stack.push_async_callback(previews.games.stop)
+    return demonstrations, previews
 
 
 def _database_file(settings: Settings) -> Path | None:

@@ -208,9 +208,9 @@ class Session:
         if models_late:
             decisions = [None] * len(self._asked)
         answers = partner.answers(self._asked, decisions)
-        timestep, step = self.simulation.timestep, self._step
         self.next_actions, self.late = answers.next_actions, answers.late
         self.frames.decide(answers, self.over, models_late)
+        timestep, step = self.simulation.timestep, self._step
         self.record = TickRecord(
             episode=self.episode,
             timestep=timestep,

@@ -93,18 +93,15 @@ def run(arguments: argparse.Namespace) -> int:
     if collected["target"]["sha256"] != target.sha256:
         raise ValueError(f"{games}: was collected with another agent than {arguments.agent}. Collect its games first.")
     settings = {**asdict(network), **training.stored()}
-    for name, value in settings.items():
-        print(f"{name} = {value}")
+    print("\n".join(f"{name} = {value}" for name, value in settings.items()))
     name = f"{target.name}_predictor_{arguments.form}"
     begun = "" if arguments.begin_with is None else load_checkpoint(arguments.begin_with).sha256
-    without_limit = {key: value for key, value in settings.items() if key != "minutes"}
-    known = {"begun with": begun, "games": collected["shards"], "settings": without_limit}
+    known = {"begun with": begun, "games": collected["shards"], "settings": _without_limit(settings)}
     folder = RunFolder(arguments.runs / layout.name / name, known)
     trainer = prepared(layout, network, training, games, arguments.encoder_from, arguments.begin_with)
     trained, stopped = _trained(name, trainer, folder)
-    out = arguments.out or folder.path / "predictor"
-    if arguments.publish:
-        out = predictor_folder(layout, target.name, arguments.form)
+    published = predictor_folder(layout, target.name, arguments.form) if arguments.publish else None
+    out = published or arguments.out or folder.path / "predictor"
     how = {**_how(trainer, stopped), "begun with": begun or "nothing", **partners_met(collected), "settings": settings}
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.encoder), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
@@ -113,6 +110,11 @@ def run(arguments: argparse.Namespace) -> int:
     name = out.name if arguments.publish else name_in_study(out, layout.name)
     _say_what_to_do(arguments, name, stopped, f"{trainer.update} of {training.updates} updates")
     return 1 if stopped == INTERRUPTED else 0
+
+
+def _without_limit(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings that make a run the run it is; it may be continued with more time."""
+    return {key: value for key, value in settings.items() if key != "minutes"}
 
 
 def _chosen_settings(arguments: argparse.Namespace) -> "tuple[PredictorConfig, TrainingConfig]":
