@@ -183,7 +183,7 @@ async def _services(
     return services
 
 
-def _run(stack: AsyncExitStack, *works: Alerts | LatencyHistory | StudyVersions | Webhook) -> None:
+def _run(stack: AsyncExitStack, *works: "Alerts | LatencyHistory | StudyVersions | Webhook") -> None:
     """Start what works in the background; `stack` stops it."""
     stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in works))
 
