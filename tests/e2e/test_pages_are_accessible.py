@@ -66,6 +66,7 @@ def test_axe_finds_nothing_on_any_page(
     assert {place: problems for place, problems in found.items() if problems} == {}
 
 
+@pytest.mark.slow
 def test_axe_finds_nothing_on_the_pages_of_an_early_end(person: BrowserPerson) -> None:
     """A preview, a repeated visit, a full study, a failed quiz, a too long absence, guessed codes."""
     page, site = person.page, person.site

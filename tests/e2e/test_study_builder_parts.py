@@ -170,6 +170,7 @@ def test_every_page_of_a_preview_is_shown_and_nothing_is_stored(new_page: NewPag
     assert rows(server, "select key from studies where ? > 0 and key = 'previewed'", draft) == []
 
 
+@pytest.mark.slow
 def test_a_kitchen_is_drawn_by_keyboard_inside_the_form(new_page: NewPage, server: LiveServer) -> None:
     page = new_page()
     page.set_viewport_size({"width": 1366, "height": 768})

@@ -63,7 +63,14 @@ def all_bundled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnServer]
         yield server
 
 
-@pytest.mark.parametrize("study", [s for s in STUDIES if s != OTHER_KITCHENS], ids=lambda study: study.stem)
+@pytest.mark.parametrize(
+    "study",
+    [
+        pytest.param(study, id=study.stem, marks=[pytest.mark.slow] if study.parent.name == "examples" else [])
+        for study in STUDIES
+        if study != OTHER_KITCHENS
+    ],
+)
 def test_every_bundled_study_can_be_completed(study: Path, all_bundled: OwnServer) -> None:
     is_completed(study, all_bundled)
 
@@ -284,19 +291,19 @@ def test_bots_come_with_ids_that_look_like_the_recruiter_s(recruitment: dict[str
     assert len(set(people)) == 2
 
 
-@pytest.mark.parametrize(
-    ("file", "people", "least", "most"),
-    [
-        (SCRIPTED, 8, 1, 6),
-        pytest.param(ROOT / "studies" / "external_predictor.yaml", 30, 3, 15, marks=pytest.mark.slow),
-    ],
-    ids=["8", "30"],
-)
-def test_participants_of_whom_some_give_up_violate_nothing(
-    tmp_path: Path, file: Path, people: int, least: int, most: int
-) -> None:
-    study = shortened(file, tmp_path)
-    status, outcome = simulated(str(people), "--study", str(study), "--fast", "--dropout", "0.3", "--seed", "7")
+def test_participants_of_whom_some_give_up_violate_nothing(all_bundled: OwnServer) -> None:
+    words = ["--study", "quick_look", "--url", all_bundled.url, "--database", all_bundled.database]
+    some_give_up(8, 1, 6, *words)
+
+
+@pytest.mark.slow
+def test_in_a_long_study_those_who_give_up_violate_nothing(tmp_path: Path) -> None:
+    study = shortened(ROOT / "studies" / "external_predictor.yaml", tmp_path)
+    some_give_up(30, 3, 15, "--study", str(study), "--fast")
+
+
+def some_give_up(people: int, least: int, most: int, *words: str) -> None:
+    status, outcome = simulated(str(people), "--dropout", "0.3", "--seed", "7", *words)
     assert outcome["violations"] == []
     assert status == 0
     assert outcome["started"] == people

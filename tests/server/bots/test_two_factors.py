@@ -46,6 +46,7 @@ def test_bots_meet_every_combination_and_the_report_has_the_effects(tmp_path: Pa
     assert "<td>Steps × opacity</td>" in page
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_bots_meet_the_levels_within_people_in_blocks_and_the_report_compares_within_people(tmp_path: Path) -> None:
     database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"
