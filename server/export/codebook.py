@@ -277,7 +277,7 @@ EVENTS = ExportTable(
         text("participant", "Who."),
         text("episode", "During which episode."),
         time("at", "When."),
-        text("kind", "reload, takeover, trouble, rtt, not_asked (because of an earlier answer), ..."),
+        text("kind", "reload, takeover, trouble, rtt, not_asked (because of an earlier answer), partner_withdrew, ..."),
         Column("detail", "json", "Further details."),
     ),
 )

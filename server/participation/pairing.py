@@ -12,7 +12,7 @@ from sqlalchemy import Connection, func, select
 from server.participation import next_step
 from server.participation.served_studies import Studies
 from server.participation.waiting_room import PairingRequest
-from server.store import episodes, events, participants
+from server.store import episodes, events, participants, withdrawal
 from server.store.episodes import StoredEpisode
 from server.store.participants import Participant
 from server.store.tables import visits
@@ -38,22 +38,34 @@ def is_for_two(study: Study, step: StudyStep) -> bool:
 def company(connection: Connection, studies: Studies, participant: Participant, step: StudyStep) -> Company:
     """Return the participant's partner, or why there is none."""
     study = studies.of(participant)
-    rounds = {
-        one.number for one in studies.steps_of(participant) if is_for_two(study, one) and one.number < step.number
-    }
-    played = [one for one in episodes.of_participant(connection, participant.id) if one.number in rounds]
+    rounds = {one.key for one in studies.steps_of(participant) if is_for_two(study, one) and one.number < step.number}
+    if rounds & withdrawal.deleted_rounds(connection, participant.id):
+        return Company(alone="partner_left")
+    played = [one for one in episodes.of_participant(connection, participant.id) if one.step_key in rounds]
     if not played:
         return Company()
     last = max(played, key=lambda one: (one.number, one.attempt))
     other = _other(last, participant.id)
     if other is None:
-        return Company(alone="nobody_came")
-    if last.end_reason in ("away", "error"):
+        had_a_partner = any(_other(one, participant.id) for one in played)
+        return Company(alone="partner_left" if had_a_partner else "nobody_came")
+    if last.end_reason in ("away", "error", "withdrawn"):
         return Company(alone="partner_left")
     partner = participants.get(connection, other)
     theirs = episodes.of_step(connection, other, step.key)
     is_there = partner is not None and partner.status == "active" and theirs is None
     return Company(other) if is_there else Company(alone="partner_left")
+
+
+def has_begun(connection: Connection, participant_id: str, step: StudyStep) -> bool:
+    """Return whether the participant has a seat in this round, or had one until the partner withdrew."""
+    is_seated = episodes.of_step(connection, participant_id, step.key) is not None
+    return is_seated or is_deleted(connection, participant_id, step)
+
+
+def is_deleted(connection: Connection, participant_id: str, step: StudyStep) -> bool:
+    """Return whether the partner's withdrawal deleted this round; it is over then."""
+    return step.key in withdrawal.deleted_rounds(connection, participant_id)
 
 
 def request(
@@ -76,7 +88,7 @@ def seat_two(connection: Connection, studies: Studies, seat_down: SeatDown, firs
     if len(present) < len(both):
         return False
     here = [studies.step(one) for one in present]
-    if here[0].key != here[1].key or any(episodes.of_step(connection, one.id, here[0].key) for one in present):
+    if here[0].key != here[1].key or any(has_begun(connection, one.id, here[0]) for one in present):
         return False
     episode = seat_down(connection, _as_before(connection, studies.of(present[0]), present), here[0])
     for one in present:
@@ -97,15 +109,17 @@ def _as_before(connection: Connection, study: Study, pair: list[Participant]) ->
     return pair if not together or together[-1][study.game.human_seat] == first.id else [second, first]
 
 
-def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, participant_id: str, why: str) -> None:
+def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, participant_id: str) -> None:
     """Let the participant continue alone: with the fallback agent, or to the end of the study with a code, as its file
     says."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return
     step, study = studies.step(participant), studies.of(participant)
-    if not is_for_two(study, step) or episodes.of_step(connection, participant_id, step.key) is not None:
+    if not is_for_two(study, step) or has_begun(connection, participant_id, step):
         return
+    mates = company(connection, studies, participant, step)
+    why = mates.alone or ("partner_left" if mates.partner else "nobody_came")
     if study.waiting_room.fallback == "leave":
         participants.release_with_code(connection, participant_id, next_step.new_code())
         _note(connection, participant_id, "alone", step, why=why)

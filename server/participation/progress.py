@@ -9,6 +9,7 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from server.participation import pairing
 from server.participation.next_step import move_on, note
 from server.participation.served_studies import Studies
 from server.store import answers, decisions, episodes, events, new_places, participants, studies, study_openings
@@ -271,8 +272,9 @@ def last_episode(connection: Connection, participant_id: str, number: int) -> ep
 
 
 def _is_over(connection: Connection, participant: Participant, step: StudyStep) -> bool:
-    """Return whether a game is over: a tutorial must be passed, an episode must have ended for any reason."""
+    """Return whether a game is over: a tutorial must be passed, an episode must have ended for any reason, also because
+    the partner's withdrawal deleted it."""
     episode = episodes.of_step(connection, participant.id, step.key)
     if episode is None:
-        return False
+        return pairing.is_deleted(connection, participant.id, step)
     return bool(episode.passed) if step.kind == "tutorial" else episode.status in ("done", "aborted")

@@ -77,7 +77,7 @@ class Seating:
             if not mates.alone:
                 request = pairing.request(connection, self.studies, participant, step, mates.partner)
                 return ConnectedPlayer(participant_id, None, VIEWER, self._next_url(participant), request)
-            pairing.go_alone(connection, self.studies, self._sit, participant_id, mates.alone)
+            pairing.go_alone(connection, self.studies, self._sit, participant_id)
         return self._seated(connection, participant, step)
 
     def _seated(self, connection: Connection, participant: Participant, step: StudyStep) -> ConnectedPlayer | None:
@@ -86,6 +86,8 @@ class Seating:
         if participant.status != "active" or not step.is_game:
             return nothing
         episode = episodes.of_step(connection, participant.id, step.key)
+        if episode is None and pairing.is_deleted(connection, participant.id, step):
+            return nothing
         if episode is None or _to_be_repeated(step, episode):
             return None
         if episode.status in ("done", "aborted"):
@@ -101,7 +103,7 @@ class Seating:
 
     async def seat_alone(self, participant_id: str) -> None:
         """Seat a person for whom no partner arrived."""
-        await self.database.write(pairing.go_alone, self.studies, self._sit, participant_id, "nobody_came")
+        await self.database.write(pairing.go_alone, self.studies, self._sit, participant_id)
 
     def _sit(self, connection: Connection, people: Sequence[Participant], step: StudyStep) -> str:
         return episodes.create(connection, self._new(people, step))

@@ -10,6 +10,7 @@ from sqlalchemy import Connection, func, select
 from server.store.tables import events
 
 ATTENTION_SCREENED_OUT = "attention_screened_out"  # kind of the event of a participant who failed too many checks
+PARTNER_WITHDREW = "partner_withdrew"  # kind of the event of a participant whose round was deleted with the partner
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import Connection, delete, or_, select, update
 
 from server.store import audit, engines, study_reports, tombstones
+from server.store import events as stored_events
 from server.store.tables import (
     answers,
     episodes,
@@ -40,14 +41,18 @@ def withdraw(connection: Connection, participant_id: str, deletion: Deletion | N
     """Delete the participant from every table; False if there is none. Kept for counts: condition, step, time, and
     whether it was a bot. A tombstone stays, so that an older export does not bring the person back.
 
-    Episodes go with their ticks, also those played with another participant. On SQLite the deleted content is
-    overwritten in the file; on PostgreSQL it is gone from the files after the next VACUUM.
+    Episodes go with their ticks, also those played with another participant, who keeps an event for each: the round
+    was begun, and is not played again. On SQLite the deleted content is overwritten in the file; on PostgreSQL it is
+    gone from the files after the next VACUUM.
     """
     here = participants.c.id == participant_id
     row = connection.execute(select(*_KEPT).where(here)).first()
     if row is None:
         return False
+    deletion = deletion or Deletion()
+    at = deletion.at or datetime.now(UTC)
     connection.execute(delete(exclusions).where(exclusions.c.participant_id == participant_id))
+    _note_shared_rounds(connection, participant_id, at)
     played = or_(episodes.c.participant_0 == participant_id, episodes.c.participant_1 == participant_id)
     _delete_episodes(connection, list(connection.execute(select(episodes.c.id).where(played)).scalars()))
     for table in (answers, visits, events, personal):
@@ -55,14 +60,32 @@ def withdraw(connection: Connection, participant_id: str, deletion: Deletion | N
     connection.execute(delete(participants).where(here))
     audit.forget(connection, participant_id)
     study_reports.forget(connection, row.study_id)
-    deletion = deletion or Deletion()
-    at = deletion.at or datetime.now(UTC)
     connection.execute(withdrawals.insert().values(withdrawn_at=at, **row._mapping))
     if deletion.at is None:
         tombstones.keep(connection, participant_id, at)
     audit.add(connection, deletion.actor, deletion.action, {"study": row.study_id} | dict(deletion.detail))
     engines.overwrite_deleted(connection)
     return True
+
+
+def deleted_rounds(connection: Connection, participant_id: str) -> set[str]:
+    """Return the steps of the participant's rounds that were deleted because the partner withdrew."""
+    noted = stored_events.of_participant(connection, participant_id, stored_events.PARTNER_WITHDREW)
+    return {str(one.detail.get("step")) for one in noted}
+
+
+def _note_shared_rounds(connection: Connection, participant_id: str, at: datetime) -> None:
+    """Note, for the other person of each shared round, that it was begun. The event names neither the person who
+    withdraws nor the episode."""
+    here, there = episodes.c.participant_0, episodes.c.participant_1
+    shared = [
+        select(other, episodes.c.step_key).where(own == participant_id, other.is_not(None))
+        for own, other in ((here, there), (there, here))
+    ]
+    rounds = {tuple(row) for query in shared for row in connection.execute(query)}
+    kind = stored_events.PARTNER_WITHDREW
+    new = [stored_events.Event(kind, at, other, detail={"step": step}) for other, step in sorted(rounds)]
+    stored_events.add(connection, *new)
 
 
 def _delete_episodes(connection: Connection, episode_ids: list[str]) -> None:

@@ -14,7 +14,7 @@ from sqlalchemy import Connection, select
 from sqlalchemy import text as sql
 
 import kitchenmind
-from server.store import answers, audit, participants, studies, tombstones
+from server.store import answers, audit, events, participants, studies, tombstones
 from server.store.database import Database
 from server.store.tables import episodes, metadata
 from server.store.withdrawal import Deletion, withdraw
@@ -134,6 +134,8 @@ def test_an_import_omits_participants_whom_the_servers_database_lists_as_deleted
         assert len(database.read_now(tombstones.every)) == 1
         assert database.read_now(audit.first_forged) is None
         assert database.read_now(answers.of_participant, before.mate)["after"] == {"partner": 5}
+        (noted,) = database.read_now(events.of_participant, before.mate, events.PARTNER_WITHDREW)
+        assert (noted.episode_id, noted.detail) == (None, {"step": "shared"})
     assert kitchenmind.main(["verify", "--database", new]) == 0
 
 
