@@ -87,7 +87,7 @@ def has_news(connection: Connection, participant_id: str, extra: Mapping[str, st
 def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant:
     """Create the participant who consents now, in the next condition among people or among bots; or return the person's
     existing participant, who continues with the new cookie and the link's newest parameters. Raises StudyFullError,
-    StudyPaused, StudyClosed, AlreadyFinished, KeyError (the study is not open)."""
+    StudyPaused, StudyClosed, AlreadyFinished."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:
         return same_page
@@ -101,7 +101,7 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
     study_openings.check_open(connection, arrival.study)
     opened = all_studies.open(arrival.study)
     if opened is None:
-        raise KeyError(arrival.study)
+        raise study_openings.StudyClosed(arrival.study)
     study_id, study = opened
     if is_paused(connection, study.name):
         raise StudyPaused(study.name)

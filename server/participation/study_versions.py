@@ -261,10 +261,12 @@ class StudyVersions:
         for study_id in await database.read(_in_use):
             study = self._studies.version(study_id)
             newest = self._served.get(study.name) if study is not None else None
-            if study is None or newest is None or study == newest.study:
+            if study is None or (newest is not None and study == newest.study):
                 continue
-            file = replace(newest, study=study, source=f"{study.name} (an earlier version)")
             try:
+                if newest is None:
+                    raise StudyError(["no version of the study is served"])
+                file = replace(newest, study=study, source=f"{study.name} (an earlier version)")
                 required = required_models([*self._files, file])
                 await self._load(required)
             except (StudyError, ModelsDown) as error:

@@ -56,18 +56,15 @@ def newest(connection: Connection) -> dict[str, StudyOpening]:
 
 
 def needed(connection: Connection) -> list[StudyOpening]:
-    """Return the openings that a server needs: those that are open, and closed ones with people who are still in
-    them."""
-    busy = set(
-        connection.execute(
-            select(participants.c.study_id).where(participants.c.status == "active").distinct()
-        ).scalars()
-    )
-    return [one for one in newest(connection).values() if one.is_open or one.study_id in busy]
+    """Return the openings that a server needs: those that are open, and closed ones with people who are still in some
+    version of the study."""
+    query = select(studies.c.key).join_from(participants, studies).where(participants.c.status == "active")
+    busy = set(connection.execute(query.distinct()).scalars())
+    return [one for one in newest(connection).values() if one.is_open or one.study in busy]
 
 
 class StudyClosed(Exception):
-    """A researcher closed the study: new participants can no longer join."""
+    """A researcher closed the study, or it is not served any more: new participants can no longer join."""
 
 
 def check_open(connection: Connection, name: str) -> None:

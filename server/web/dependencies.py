@@ -148,6 +148,30 @@ OpenStudyDep = Annotated[OpenStudy, Depends(open_study)]
 
 
 @dataclass(frozen=True)
+class KnownStudy:
+    """A study that takes participants, or took some before."""
+
+    study: Study
+    is_open: bool
+
+
+def known_study(name: str, web: WebDep) -> KnownStudy:
+    """Return the study at this address, in the newest stored version if it takes nobody new: its participants still
+    read their code and delete their data. Answers 404 if there never was one."""
+    opened = web.studies.open(name)
+    if opened is not None:
+        return KnownStudy(opened[1], True)
+    versions = web.studies.versions(name)
+    study = web.studies.version(versions[0]) if versions else None
+    if study is None:
+        raise HTTPException(404, f"there is no study {name!r} here")
+    return KnownStudy(study, False)
+
+
+KnownStudyDep = Annotated[KnownStudy, Depends(known_study)]
+
+
+@dataclass(frozen=True)
 class PageResponse:
     """One answer to be written: to whom, in which language, about which study."""
 

@@ -11,7 +11,7 @@ from server.study.recruitment import Exit
 from server.web import deletion, guess_limits
 from server.web.admin.actions import ControlDep
 from server.web.auth import forget_cookie
-from server.web.dependencies import FormDep, OpenStudy, OpenStudyDep, PageResponse, ParticipantDep, Web, WebDep, page
+from server.web.dependencies import FormDep, KnownStudy, KnownStudyDep, PageResponse, ParticipantDep, Web, WebDep, page
 from server.web.forms import first
 from server.web.participant import views
 
@@ -19,66 +19,66 @@ router = APIRouter(prefix="/s/{name}")
 
 
 @router.get("/declined")
-async def declined(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
+async def declined(request: Request, known: KnownStudyDep, web: WebDep) -> Response:
     """Show the page for somebody who declined."""
-    return _turned_away(page(request, web, opened.study), opened, opened.study.recruitment.declined, "declined")
+    return _turned_away(page(request, web, known.study), known, known.study.recruitment.declined, "declined")
 
 
 @router.get("/unsuitable")
-async def unsuitable(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
+async def unsuitable(request: Request, known: KnownStudyDep, web: WebDep) -> Response:
     """Show the screened-out code to somebody whose device failed the entry checks; nothing was stored yet."""
-    outcome = opened.study.recruitment.screened_out
-    return _turned_away(page(request, web, opened.study), opened, outcome, "unsuitable")
+    outcome = known.study.recruitment.screened_out
+    return _turned_away(page(request, web, known.study), known, outcome, "unsuitable")
 
 
-def _turned_away(made: PageResponse, opened: OpenStudy, outcome: Exit, template: str) -> Response:
-    recruitment = opened.study.recruitment
+def _turned_away(made: PageResponse, known: KnownStudy, outcome: Exit, template: str) -> Response:
+    recruitment = known.study.recruitment
     person, extra = recruitment_of(recruitment, dict(made.request.query_params))
     values = extra | {name: value for name, value in (("person", person), ("code", outcome.code)) if value}
     back = return_target(recruitment, outcome, values)
     return made.render(f"participant/{template}.html", code=outcome.code, back=back)
 
 
-def _codes_of_all(opened: OpenStudy) -> set[str]:
+def _codes_of_all(known: KnownStudy) -> set[str]:
     """Return the study's fixed codes, which do not identify a participant."""
-    recruitment = opened.study.recruitment
+    recruitment = known.study.recruitment
     outcomes = (recruitment.completed, recruitment.screened_out, recruitment.unpaired, recruitment.declined)
     return {outcome.code.upper() for outcome in outcomes if outcome.code}
 
 
 @router.get("/withdraw")
-async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+async def withdraw_page(request: Request, known: KnownStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
     """Ask whether somebody really wants to leave; without the cookie, by the completion code."""
-    return page(request, web, opened.study, participant).render("participant/withdraw.html", code="", wrong="")
+    return page(request, web, known.study, participant).render("participant/withdraw.html", code="", wrong="")
 
 
 @router.post("/withdraw")
 async def withdraw(
-    request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: FormDep, control: ControlDep
+    request: Request, known: KnownStudyDep, web: WebDep, participant: ParticipantDep, form: FormDep, control: ControlDep
 ) -> Response:
     """Delete everything about the participant; a count remains. After several wrong codes the next try has to wait."""
     code = first(form, "code").strip().upper()
-    made = page(request, web, opened.study, participant)
+    made = page(request, web, known.study, participant)
     leaving = participant
-    if leaving is None and code in _codes_of_all(opened):
+    if leaving is None and code in _codes_of_all(known):
         return made.render("participant/withdraw.html", 422, code=code, wrong="code_of_all")
     if leaving is None:
-        outcome, leaving = await _by_code(request, opened, web, code)
+        outcome, leaving = await _by_code(request, known, web, code)
         if leaving is None:
             status, wrong = (429, "wait") if outcome.left is None else (422, "code_wrong")
             return made.render("participant/withdraw.html", status, code=code, wrong=wrong)
     debriefing = views.debriefing_of(made, leaving)
     await deletion.delete(web, control, leaving.id)
-    gone = PageResponse(request, web, made.language, opened.study)
+    gone = PageResponse(request, web, made.language, known.study)
     words: dict[str, Any] = {"kind": "withdrawn", "outcome": Exit(), "debriefing": debriefing}
     response = gone.render("participant/ended.html", **words, back=None)
     if participant is not None:
-        forget_cookie(response, opened.study.name, secure=web.csrf.secure)
+        forget_cookie(response, known.study.name, secure=web.csrf.secure)
     return response
 
 
 async def _by_code(
-    request: Request, opened: OpenStudy, web: Web, code: str
+    request: Request, known: KnownStudy, web: Web, code: str
 ) -> tuple[guess_limits.GuessOutcome, Participant | None]:
     """Return the participant with this completion code. A code has no account name, so wrong ones are counted by
     address alone."""
@@ -86,7 +86,7 @@ async def _by_code(
 
     async def look() -> bool:
         nonlocal found
-        found = await web.database.read(progress.by_code, web.studies, opened.study.name, code)
+        found = await web.database.read(progress.by_code, web.studies, known.study.name, code)
         return found is not None
 
     outcome = await guess_limits.guarded(web, guess_limits.origin_of_address(web, request, guess_limits.CODE), "", look)

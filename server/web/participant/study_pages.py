@@ -28,7 +28,7 @@ from server.web.dependencies import (
     AnswersFormDep,
     ConsentFormDep,
     FormDep,
-    OpenStudyDep,
+    KnownStudyDep,
     PageResponse,
     ParticipantDep,
     Web,
@@ -69,10 +69,10 @@ def _kitchens(study: Study) -> list[tuple[Text, list[str]]]:
 
 
 @router.get("/s/{name}")
-async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+async def consent_page(request: Request, known: KnownStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
     """Show the consent page; a participant of the study continues instead. Nothing is stored, so link previews are
     safe."""
-    study, made = opened.study, page(request, web, opened.study)
+    study, made = known.study, page(request, web, known.study)
     person, extra = recruitment_of(study.recruitment, dict(request.query_params))
     before = await web.database.read(progress.known, web.studies, study.name, person) if person else None
     if participant is not None and (person is None or (before is not None and before.id == participant.id)):
@@ -86,10 +86,10 @@ async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, part
         return made.render("participant/link_needed.html", 400)
     if before is not None and before.status != "active" and (participant is None or participant.id != before.id):
         return made.render("participant/finished.html")
+    if before is None and (not known.is_open or study.name in await web.database.read(study_openings.closed)):
+        return made.render("participant/closed.html", 409)
     if before is None and await web.database.read(progress.is_paused, study.name):
         return _paused(made)
-    if before is None and study.name in await web.database.read(study_openings.closed):
-        return made.render("participant/closed.html", 409)
     context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
     template = "participant/welcome_back.html" if before is not None else "participant/consent.html"
     return made.render(template, **context)
@@ -114,10 +114,10 @@ def _in_mturk(made: PageResponse, study: Study) -> Response | None:
 
 @router.post("/s/{name}/consent")
 async def consent(
-    request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: ConsentFormDep
+    request: Request, known: KnownStudyDep, web: WebDep, participant: ParticipantDep, form: ConsentFormDep
 ) -> Response:
     """Make the participant and the cookie. The same page sent twice makes one participant."""
-    study = opened.study
+    study = known.study
     person, extra = recruitment_of(study.recruitment, {key: values[0] for key, values in form.items()})
     if person is None and study.recruitment.required:
         raise HTTPException(400, "the link's parameter that names the person is missing")
@@ -129,9 +129,9 @@ async def consent(
     holder = participant.id if participant is not None else None
     simulated = _is_simulated(web, form)
     arrival = progress.ConsentArrival(study.name, token, made.language, person, extra, simulated, holder)
-    known = await web.database.read(progress.already_here, web.studies, arrival)
+    before = await web.database.read(progress.already_here, web.studies, arrival)
     open_boxes = [index for index in range(len(study.consent.boxes)) if not first(form, f"box_{index}")]
-    if open_boxes and known is None:
+    if open_boxes and before is None:
         context = consent_context(study, made.language, person, extra, visit)
         ticked = [index for index in range(len(study.consent.boxes)) if index not in open_boxes]
         return made.render("participant/consent.html", 422, **(context | {"ticked": ticked, "open_boxes": open_boxes}))
@@ -176,20 +176,20 @@ def _in_language(made: PageResponse, choice: str) -> PageResponse:
 
 
 @router.get("/s/{name}/new")
-async def new_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+async def new_page(request: Request, known: KnownStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
     """Ask whether somebody else wants to take part in this browser."""
-    if participant is None or not may_start_new(opened.study):
-        return _to(f"/s/{opened.study.name}")
-    made = page(request, web, opened.study, participant)
+    if participant is None or not may_start_new(known.study):
+        return _to(f"/s/{known.study.name}")
+    made = page(request, web, known.study, participant)
     return made.render("participant/next_person.html", finished=participant.status != "active")
 
 
 @router.post("/s/{name}/new")
-async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:  # noqa: ARG001 - checks the form
+async def start_new(known: KnownStudyDep, web: WebDep, form: FormDep) -> Response:  # noqa: ARG001 - checks the form
     """Delete the cookie and the pages' stored data in this browser, so that the next person can begin."""
-    response = _to(f"/s/{opened.study.name}")
-    if may_start_new(opened.study):
-        forget_cookie(response, opened.study.name, secure=web.csrf.secure)
+    response = _to(f"/s/{known.study.name}")
+    if may_start_new(known.study):
+        forget_cookie(response, known.study.name, secure=web.csrf.secure)
         response.headers["Clear-Site-Data"] = '"storage"'
     return response
 

@@ -4,10 +4,11 @@ from datetime import timedelta
 
 import pytest
 
-from server.store import audit, studies, study_drafts, study_openings
+from server.store import audit, participants, studies, study_drafts, study_openings
 from server.store.database import Database
 from server.store.study_drafts import DraftConflict, DraftText, StudyDraft
 from server.store.study_openings import StudyClosed
+from tests.support.study_data import new_participant
 
 
 def begun(database: Database) -> int:
@@ -133,3 +134,15 @@ def test_a_study_is_open_until_it_is_closed_and_can_be_opened_again(database: Da
     database.write_now(study_openings.open_study, ("one", two.id), (draft, 1), "ben")
     database.read_now(study_openings.check_open, "one")
     assert [each.study for each in database.read_now(study_openings.needed)] == ["one"]
+
+
+def test_a_closed_study_is_needed_while_somebody_is_in_any_of_its_versions(database: Database) -> None:
+    draft = begun(database)
+    one, two = (database.write_now(studies.register, "one", text) for text in ("first", "second"))
+    for version in (one, two):
+        database.write_now(study_openings.open_study, ("one", version.id), (draft, 1), "mara")
+    person = database.write_now(new_participant, one.id)
+    database.write_now(study_openings.close_study, "one", "ben")
+    assert [each.study_id for each in database.read_now(study_openings.needed)] == [two.id]
+    database.write_now(participants.leave, person, "returned")
+    assert database.read_now(study_openings.needed) == []
