@@ -77,7 +77,7 @@ async def consent_page(request: Request, known: KnownStudyDep, web: WebDep, part
     before = await web.database.read(progress.known, web.studies, study.name, person) if person else None
     if participant is not None and (person is None or (before is not None and before.id == participant.id)):
         if may_start_new(study) and participant.status != "active":
-            return made.render("participant/next_person.html", finished=True)
+            return _next_person(made, participant)
         if person is None or not await web.database.read(progress.has_news, participant.id, extra):
             return _to(step_address(study.name))
     if shown := _in_mturk(made, study):
@@ -181,7 +181,13 @@ async def new_page(request: Request, known: KnownStudyDep, web: WebDep, particip
     if participant is None or not may_start_new(known.study):
         return _to(f"/s/{known.study.name}")
     made = page(request, web, known.study, participant)
-    return made.render("participant/next_person.html", finished=participant.status != "active")
+    return _next_person(made, participant)
+
+
+def _next_person(made: PageResponse, participant: Participant) -> Response:
+    """Only somebody with a code is offered to see it: a place may have been released without one."""
+    ended = "finished" if participant.completion_code else "ended"
+    return made.render("participant/next_person.html", state="active" if participant.status == "active" else ended)
 
 
 @router.post("/s/{name}/new")

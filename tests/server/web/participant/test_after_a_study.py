@@ -1,5 +1,7 @@
 """A closed study is not served after a restart. Participants still read their code and delete their data."""
 
+import pytest
+
 from server.store import decisions, participants
 from tests.support.page_site import PageSite, Visitor
 from tests.support.small_site import LINK, walk_to
@@ -78,3 +80,24 @@ def test_a_study_that_is_paused_and_closed_has_ended(site: PageSite) -> None:
     assert Visitor(site).get("/s/small").status_code == 503
     not_served(site, "small")
     assert Visitor(site).get("/s/small").status_code == 409
+
+
+@pytest.mark.parametrize("status", ["timed_out", "screened_out", "returned"])
+def test_a_participation_that_ended_early_is_not_called_completed(site: PageSite, status: str) -> None:
+    visitor = Visitor(site)
+    visitor.consent("hired", LINK)
+    site.database.write_now(participants.leave, site.only("hired").id, status)
+    elsewhere = Visitor(site)
+    page = elsewhere.get(f"/s/hired{LINK}").text
+    assert "The participation that belongs to this link has ended" in page
+    assert "complet" not in page
+
+
+def test_the_next_person_is_offered_a_code_only_where_there_is_one(site: PageSite) -> None:
+    visitor = Visitor(site)
+    visitor.consent("small")
+    site.database.write_now(participants.leave, site.only("small").id, "timed_out")
+    for address in ("/s/small", "/s/small/new"):
+        page = visitor.get(address).text
+        assert "Show the last page" in page
+        assert "code" not in page.split("<main")[1]
