@@ -20,7 +20,7 @@ from server.store.participants import Participant
 from server.store.study_openings import StudyClosed
 from server.study.assignment import StudyFullError
 from server.study.definition import Study
-from server.study.steps import step_address
+from server.study.steps import episodes_of, step_address
 from server.study.text import Text
 from server.web.auth import BOT_MARK, forget_cookie, is_bot_mark, set_cookie, token_for
 from server.web.client_address import address_of
@@ -59,7 +59,8 @@ async def choose(request: Request, web: WebDep) -> Response:
     names = (name for name in web.studies.names() if name not in closed)
     open_studies = [found[1] for name in names if (found := web.studies.open(name))]
     studies = [(study, _kitchens(study)) for study in open_studies]
-    return page(request, web).render("participant/choose.html", studies=studies)
+    rounds = {study.name: episodes_of(study) for study in open_studies}
+    return page(request, web).render("participant/choose.html", studies=studies, rounds=rounds)
 
 
 def _kitchens(study: Study) -> list[tuple[Text, list[str]]]:

@@ -23,6 +23,19 @@ def test_start_page_counts_minutes_as_people_do(tmp_path: Path, minutes: int, sa
         assert said in Visitor(site).get("/").text
 
 
+BLOCKS = "factors: {prediction: [none, tom]}\ncells: {within: [prediction]}\n"
+CONDITIONS = "conditions:\n  - {name: without, predictor: none}\n  - {name: with, predictor: tom}\n"
+
+
+@pytest.mark.parametrize(("old", "new", "said"), [("", "", 4), (CONDITIONS, BLOCKS, 8), (" episodes,", "", None)])
+def test_start_page_counts_the_rounds_that_are_played(tmp_path: Path, old: str, new: str, said: int | None) -> None:
+    assert old in SMALL_STUDY
+    with PageSite(tmp_path, SMALL_STUDY.replace(old, new, 1)) as site:
+        page = Visitor(site).get("/").text
+        assert re.findall(r"(\d+) rounds?<", page) == ([] if said is None else [str(said)])
+        assert ("2 kitchens" in page) == (said is not None), "the kitchens of rounds that nobody plays"
+
+
 def test_nothing_is_stored_and_no_cookie_is_set_before_consent(site: PageSite) -> None:
     before = rows(site)
     visitor = Visitor(site)
