@@ -64,9 +64,24 @@ def cells(layouts: Sequence[str], agents: Sequence[str]) -> list[tuple[str, str]
     return [(layout, agent) for agent, layout in product(agents, layouts)]
 
 
+def _in_direction(conditions: Sequence[str]) -> list[str]:
+    """Return the conditions so that a difference is later minus earlier: `none`, which all are compared with, first,
+    `tom`, which is compared with all, last, and the others as the study lists them."""
+    return sorted(conditions, key=lambda name: (name != "none", name == "tom"))
+
+
+def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
+    """ToM against none, in whatever order the study lists them; in other designs the last condition against `none`, or
+    without it against the first; None with a single condition."""
+    ordered = _in_direction(conditions)
+    return (ordered[-1], ordered[0]) if len(ordered) > 1 else None
+
+
 def pairs(conditions: Sequence[str]) -> list[tuple[str, str]]:
-    """Comparisons of conditions, later minus earlier: tom - none, tom - random, random - none."""
-    return sorted(((second, first) for first, second in combinations(conditions, 2)), key=lambda pair: pair[0] != "tom")
+    """Comparisons of conditions: tom - none, tom - random, random - none. The main contrast is one of them, in its
+    direction, so that tests and sentences find it in every study."""
+    found = [(second, first) for first, second in combinations(_in_direction(conditions), 2)]
+    return sorted(found, key=lambda pair: pair[0] != "tom")
 
 
 def computed(test: Callable[..., Result], base: Result, *values: object) -> Result:

@@ -28,7 +28,7 @@ from analysis import (
 )
 from analysis import ranks as ranking
 from analysis.declared import Declaration, DeclaredTest, declaration_of
-from analysis.groups import ALL, cells
+from analysis.groups import ALL, cells, main_contrast
 from analysis.results import Result
 from analysis.robustness import RobustnessInputs, robustness_rows
 from analysis.simulated import Subjects
@@ -77,13 +77,6 @@ class Analysis:
 
 def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, export: Export) -> list[Result]:
     return [] if declared is None else [primary.primary_row(declared, episodes, export)]
-
-
-def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
-    """ToM against none; in other designs the last condition against the first; none with a single condition."""
-    if "tom" in conditions and "none" in conditions:
-        return "tom", "none"
-    return (conditions[-1], conditions[0]) if len(conditions) > 1 else None
 
 
 def _contrast_of(export: Export, conditions: Sequence[str]) -> tuple[str, str] | None:

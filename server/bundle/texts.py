@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from analysis.data_quality import RULES
-from analysis.study import QUESTIONNAIRE_LAYOUTS, main_contrast
+from analysis.groups import main_contrast
+from analysis.study import QUESTIONNAIRE_LAYOUTS
 from server.bundle.state import State
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.definition import Study

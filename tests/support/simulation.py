@@ -7,9 +7,10 @@ import numpy as np
 import polars as pl
 
 from analysis import apa_text, mixed_model, questionnaires
+from analysis.groups import main_contrast
 from analysis.results import Result
 from analysis.simulated import PEOPLE
-from analysis.study import MEASURE, AnalysisDesign, main_contrast
+from analysis.study import MEASURE, AnalysisDesign
 from analysis.study import reward_tests as reward_tests_of
 
 CONDITIONS = ("none", "random", "tom")
