@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from analysis.factorial import SECTION
 from analysis.factorial_text import factorial_sentences
 from analysis.factorial_within import WITHIN
+from analysis.flow_text import flow_sentence
 from analysis.formatting import listed, number, p_equals, word
 from analysis.phrases import (
     ALPHA,
@@ -20,6 +21,7 @@ from analysis.phrases import (
     layout,
     lowered,
     note,
+    partner,
     places,
     question,
     raised,
@@ -30,6 +32,7 @@ from analysis.phrases import (
 )
 from analysis.results import Result, select
 from analysis.study import Analysis
+from analysis.tables import PERSON
 
 
 def findings(analysis: Analysis) -> list[str]:
@@ -57,8 +60,9 @@ def _reward_finding(analysis: Analysis) -> str:
         return f"No difference in reward between the conditions was found {how}."
     if len(sure) < len(tests):
         return f"Reward differs between the conditions for {listed(sure)} only {how}."
-    who = "both agents" if len(tests) == 2 else "every agent" if len(tests) > 1 else f"the {sure[0]} agent"
-    return f"Reward differs between the conditions for {who} {how}."
+    who = "both agents" if len(tests) == 2 else "every agent" if len(tests) > 1 else partner(tests[0].agent)
+    where = "in rounds with" if tests[0].agent == PERSON and len(tests) == 1 else "for"
+    return f"Reward differs between the conditions {where} {who} {how}."
 
 
 def _corrected_for(tests: Sequence[Result]) -> str:
@@ -126,36 +130,8 @@ def _accuracy_finding(analysis: Analysis) -> str:
 
 def sentences(analysis: Analysis) -> list[str]:
     """Sentences for a results section."""
-    reward = (_excluded(analysis), _kruskal(analysis), _pairwise(analysis), _mixed(analysis))
+    reward = (flow_sentence(analysis), _kruskal(analysis), _pairwise(analysis), _mixed(analysis))
     return [text for text in (*reward, *_questionnaire(analysis), _accuracy_sentence(analysis)) if text]
-
-
-REASONS = {  # steps of the flow, in words; {}: participants
-    "of_incomplete": "of {} who did not finish the study",
-    "unfinished": "not played to the end",
-    "removed": "removed by the researcher",
-    "of_excluded": "of {} whom the researcher excluded",
-}
-
-
-def _excluded(analysis: Analysis) -> str:
-    counts = select(analysis.rows, section="exclusions", condition="all", unit="episodes")
-    begun = sum(row.n for row in counts if row.test == "played")
-    left = sum(row.n for row in counts if row.test == "analysed")
-    people = next(row.n for row in select(analysis.rows, test="analysed", condition="all", unit="people"))
-    if not begun:
-        return ""
-    who = analysis.subjects
-    text = f"The analysis is of {left} episodes of {people} {who.participants}."
-    if left == begun:
-        return text
-    parts = []
-    for step, reason in REASONS.items():
-        count = sum(row.n for row in counts if row.test == step)
-        number_of = "" if count == begun - left else f"{word(count)} "
-        parts += [f"{number_of}{reason.format(who.participants)} ({100 * count / begun:.1f} %)"] if count else []
-    were = "was" if begun - left == 1 else "were"
-    return f"{text} Of {begun} episodes begun, {word(begun - left)} {were} left out: {listed(parts)}."
 
 
 def _kruskal(analysis: Analysis) -> str:
@@ -168,7 +144,7 @@ def _kruskal(analysis: Analysis) -> str:
     ways = (("differed", sure), ("did not differ significantly", other))
     parts = [f"{verb} {_agents_p(rows)}" for verb, rows in ways if rows]
     published = [
-        f"with the {agent(row.agent)} agent {statistic(row)}, ε² = {number(row.effect)}, "
+        f"with {partner(row.agent)} {statistic(row)}, ε² = {number(row.effect)}, "
         f"{row.n} episodes of {people[row.agent]} {who.people}"
         for row in with_p(select(analysis.rows, section="reward", test="kruskal_wallis"))
     ]
@@ -181,7 +157,7 @@ def _kruskal(analysis: Analysis) -> str:
 
 
 def _agents_p(rows: Sequence[Result]) -> str:
-    return listed([f"with the {agent(row.agent)} agent (<i>p</i> {p_equals(row.p_adjusted)})" for row in rows])
+    return listed([f"with {partner(row.agent)} (<i>p</i> {p_equals(row.p_adjusted)})" for row in rows])
 
 
 def _pairwise(analysis: Analysis) -> str:
@@ -285,6 +261,6 @@ def _accuracy_sentence(analysis: Analysis) -> str:
     for row in select(analysis.rows, section="accuracy", test="live", layout="all", condition="all", step=0):
         low, high = (number(100 * bound, 1) for bound in (row.estimate_low, row.estimate_high))
         bounds = "" if math.isnan(row.estimate_low) else f" (95 % CI [{low}, {high}])"
-        parts.append(f"{number(100 * row.estimate, 1)} % of the {agent(row.agent)} agent’s actions{bounds}")
+        parts.append(f"{number(100 * row.estimate, 1)} % of {partner(row.agent)}’s actions{bounds}")
     games = f"In the games with {analysis.subjects.people}"
     return f"{games} the predictor foresaw {listed(parts)}, mean of the three steps." if parts else ""

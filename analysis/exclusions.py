@@ -9,6 +9,7 @@ from analysis.results import Result
 from analysis.tables import Export
 
 WITHDRAWN = "asked for withdrawal, data deleted"
+WATCHED = "watched partner: their rounds are those of the other person"
 REASONS = {
     "active": "still taking part",
     "screened_out": "did not pass the checks",
@@ -20,7 +21,7 @@ REASONS = {
 
 def flow(export: Export, episodes: pl.DataFrame, analysed: pl.DataFrame) -> list[Result]:
     """Count by condition (and `all`), in the order of a flow diagram; `note` holds a reason, `test` names the step:
-    assigned, left, excluded, analysed (people), played, unfinished, removed, analysed (episodes)."""
+    assigned, left, excluded, watched, analysed (people), played, unfinished, removed, analysed (episodes)."""
     participants, conditions = export.participants, export.conditions
     everybody = pl.concat([participants.select("condition"), export.withdrawals.select("condition")])
     rows = _counts("assigned", everybody, conditions, "people")
@@ -31,9 +32,20 @@ def flow(export: Export, episodes: pl.DataFrame, analysed: pl.DataFrame) -> list
         rows += _counts("left", left, conditions, "people", REASONS.get(str(status), str(status)))
     completed = participants.filter(pl.col("status") == "completed")
     rows += _by_reason("excluded", completed.filter(pl.col("excluded") != ""), conditions, "people")
+    watched = watched_partners(export, analysed)
+    rows += _counts("watched", watched, conditions, "people", WATCHED) if watched.height else []
     people = analysed.unique("participant", maintain_order=True)
     rows += _counts("analysed", people, conditions, "people")
     return rows + _episodes(participants, episodes, conditions) + _counts("analysed", analysed, conditions, "episodes")
+
+
+def watched_partners(export: Export, analysed: pl.DataFrame) -> pl.DataFrame:
+    """Return the participants of rounds of two people who finished, were not excluded, and have no analysed episode
+    because each of their rounds counts for the other person."""
+    begun = export.episodes.filter(pl.col("status") != "new")
+    finished = export.participants.filter((pl.col("status") == "completed") & (pl.col("excluded") == ""))
+    watched = finished.join(begun.select(participant="watched_person"), on="participant", how="semi")
+    return watched.join(analysed.select("participant"), on="participant", how="anti")
 
 
 def _episodes(participants: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from analysis.figure_style import ACCENT, CARD, FILLS, INK, SOFT, fill, new_figure, styled
-from analysis.formatting import agent_title, condition_title, layout_title, stars
+from analysis.formatting import agent_title, condition_title, layout_title, partner_title, stars
 from analysis.power import Power
 from analysis.results import Result, select
 
@@ -70,7 +70,7 @@ def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[s
                 _bracket(panel, mark, [index + places[name] for name in contrast], max(tops), top)
         if layouts[-1] == "all" and len(layouts) > 1:
             panel.axvline(len(layouts) - 1.5, color=SOFT, linewidth=0.8, linestyle=(0, (3, 3)))
-        panel.set_title(f"{agent_title(agent)} agent")
+        panel.set_title(partner_title(agent))
         panel.set_xticks(range(len(layouts)), [layout_title(layout) for layout in layouts])
         panel.set_xlim(-0.55, len(layouts) - 0.45)
         panel.set_ylim(0, top * 1.26)
@@ -139,7 +139,7 @@ def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Map
                     _bar(panel, x, row, conditions, row.estimate_high - row.estimate, 2)
                 else:
                     panel.annotate("not asked", (x, 1.2), ha="center", va="bottom", fontsize=7, color=SOFT, rotation=90)
-        panel.set_title(f"{agent_title(agent)} agent")
+        panel.set_title(partner_title(agent))
         panel.set_xticks(range(len(questions)), [titles[question] for question in questions])
         panel.set_xlim(-0.55, len(questions) - 0.45)
         panel.set_ylim(1, 7.4)

@@ -20,6 +20,16 @@ def agent_title(agent: str) -> str:
     return agent.upper() if agent in ("sp", "fcp") else agent
 
 
+def partner_phrase(agent: str) -> str:
+    """Return the words for a partner in a sentence: sp -> the SP agent; person -> the other person."""
+    return "the other person" if agent == "person" else f"the {agent_title(agent)} agent"
+
+
+def partner_title(agent: str) -> str:
+    """sp -> SP agent; person -> Another person."""
+    return "Another person" if agent == "person" else f"{agent_title(agent)} agent"
+
+
 def condition_title(condition: str) -> str:
     """tom -> ToM."""
     return CONDITION_TITLES.get(condition, condition.replace("_", " ").capitalize())

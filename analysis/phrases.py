@@ -19,6 +19,11 @@ def agent(name: str) -> str:
     return str(escape(formatting.agent_title(name)))
 
 
+def partner(name: str) -> str:
+    """Return the words for an agent, or a person as partner, as HTML: the SP agent."""
+    return str(escape(formatting.partner_phrase(name)))
+
+
 def layout(name: str) -> str:
     """Return a layout's name as HTML."""
     return str(escape(formatting.layout_title(name)))

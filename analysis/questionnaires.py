@@ -28,10 +28,12 @@ def title(question: str) -> str:
 
 
 def answers_on(answers: pl.DataFrame, episodes: pl.DataFrame, layouts: Sequence[str]) -> pl.DataFrame:
-    """Return the answers about the given episodes on the chosen layouts, with condition, layout and agent."""
+    """Return the answers that participants gave about their episodes on the chosen layouts, with condition, layout and
+    agent."""
     chosen = episodes.filter(pl.col("layout").is_in(list(layouts)))
-    return answers.select("episode", "question", "value").join(
-        chosen.select("episode", "participant", "condition", "layout", "agent", "number"), on="episode"
+    return answers.select("episode", "question", "value", "participant").join(
+        chosen.select("episode", "participant", "condition", "layout", "agent", "number"),
+        on=["episode", "participant"],
     )
 
 

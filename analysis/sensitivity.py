@@ -9,6 +9,7 @@ from scipy import stats
 
 from analysis import primary
 from analysis.declared import DeclaredTest
+from analysis.exclusions import watched_partners
 from analysis.groups import computed
 from analysis.results import Result
 from analysis.simulated import Subjects
@@ -64,7 +65,8 @@ def _without(episodes: pl.DataFrame, flagged: pl.DataFrame) -> pl.DataFrame:
 
 def attrition_rows(export: Export, analysed: pl.DataFrame, seed: int) -> list[Result]:
     """Return, for `left` (did not finish) and `not_analysed` (any reason), the share of those assigned in each
-    condition, and a row that compares the conditions. People who are still taking part are left out."""
+    condition, and a row that compares the conditions. People who are still taking part are left out. The watched person
+    of an analysed round is not lost."""
     settled = export.participants.filter(pl.col("status") != "active")
     people = pl.concat(
         [
@@ -74,7 +76,7 @@ def attrition_rows(export: Export, analysed: pl.DataFrame, seed: int) -> list[Re
     )
     stayed = {
         "left": people.filter(pl.col("status") == "completed"),
-        "not_analysed": people.join(analysed.select("participant"), on="participant", how="semi"),
+        "not_analysed": people.join(_in_analysed(export, analysed), on="participant", how="semi"),
     }
     rows: list[Result] = []
     for test, kept in stayed.items():
@@ -89,6 +91,13 @@ def attrition_rows(export: Export, analysed: pl.DataFrame, seed: int) -> list[Re
         base = Result(ATTRITION, f"{test}_by_condition", n=sum(each[1] for each in counts), unit="people")
         rows.append(compared(base, [(assigned - here, here) for _, assigned, here in counts], seed))
     return rows
+
+
+def _in_analysed(export: Export, analysed: pl.DataFrame) -> pl.DataFrame:
+    """Return the participants of analysed episodes, with those who were watched in them."""
+    rounds = analysed.select(participant="watched_person")
+    watched = watched_partners(export, analysed).join(rounds, on="participant", how="semi")
+    return pl.concat([analysed.select("participant"), watched.select("participant")])
 
 
 def compared(base: Result, table: Sequence[tuple[int, int]], seed: int) -> Result:

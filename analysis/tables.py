@@ -26,6 +26,7 @@ INTERACT = 5
 CONDITIONS = ("none", "random", "tom")  # order of the published design
 LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 AGENTS = ("sp", "fcp")
+PERSON = "person"  # the partner in a round of two people, where the export does not name it
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,12 @@ class Export:
 
     participants: participant, condition, status, excluded, and study_version where the export has it. withdrawals:
     condition. episodes: episode, participant, condition, layout, agent, number, score, progress, status, excluded,
-    tick_ms. answers: participant, episode, question, value (only what was stored as a number, never text that looks
-    like one). pauses: episode, reason, duration_ms, and started_at where the export has it. ticks: episode, timestep,
-    person and partner (actions of this timestep), predicted_1..3 (the partner's most probable actions in this timestep
-    and the next two), late, and the person's key_client_ms and key_received_ms. `excluded` is the researcher's
+    tick_ms, and watched_person, which is empty except in a round of two people: such a round counts once, for the
+    participant who is not watched. answers: participant, episode, question, value (only what was stored as a number,
+    never text that looks like one), of the participant for whom the episode counts. pauses: episode, reason,
+    duration_ms, and started_at where the export has it. ticks: episode, timestep, person and partner (actions of this
+    timestep), predicted_1..3 (the partner's most probable actions in this timestep and the next two), late, and the
+    person's key_client_ms and key_received_ms. `excluded` is the researcher's
     reason, empty for what is analysed. Tutorials and watched games are left out.
     """
 
@@ -128,19 +131,20 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
     participants = _with_default(participants, "attention_failed", 0)
     episodes = _episodes(raw["episodes"]).join(participants.select("participant"), on="participant", how="semi")
     played = episodes.select("episode")
+    numbers = _of_own_episodes(_numbers(raw["answers"]), episodes)
     return Export(
         folder,
         study,
         participants,
         raw["withdrawals"],
         episodes,
-        _answers(raw["answers"]).join(played, on="episode", how="semi"),
+        numbers.drop_nulls("episode"),
         _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
         _pauses(raw["pauses"]).join(played, on="episode", how="semi"),
         _about(folder, study, version) if study else {},
         version,
         raw.get("reliance", pl.DataFrame()),
-        _numbers(raw["answers"]).join(participants.select("participant"), on="participant", how="semi"),
+        numbers.join(participants.select("participant"), on="participant", how="semi"),
     )
 
 
@@ -177,8 +181,10 @@ def _episodes(table: pl.DataFrame) -> pl.DataFrame:
             agent=pl.coalesce(
                 pl.col("agent_name").cast(pl.String),
                 pl.when(partner).then(pl.col("agent_0")).otherwise(pl.col("agent_1")).cast(pl.String),
+                pl.lit(PERSON),
             ),
             participant=pl.when(partner).then(pl.col("participant_1")).otherwise(pl.col("participant_0")),
+            watched_person=pl.when(partner).then(pl.col("participant_0")).otherwise(pl.col("participant_1")),
             excluded=pl.col("excluded").fill_null(""),
             score=pl.col("score").cast(pl.Float64),
             progress=pl.col("progress").cast(pl.Float64),
@@ -187,9 +193,12 @@ def _episodes(table: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def _answers(table: pl.DataFrame) -> pl.DataFrame:
-    """Answers about an episode."""
-    return _numbers(table).drop_nulls("episode")
+def _of_own_episodes(answers: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
+    """Return the answers about the study, and each participant's about the episodes that count for them. In a round of
+    two people both answer, and the episode counts for one of them."""
+    own = episodes.select("episode", "participant", own=pl.lit(value=True))
+    answers = answers.join(own, on=["episode", "participant"], how="left", maintain_order="left")
+    return answers.filter(pl.col("episode").is_null() | pl.col("own").fill_null(value=False)).drop("own")
 
 
 def _numbers(table: pl.DataFrame) -> pl.DataFrame:

@@ -89,7 +89,9 @@ EPISODES = ExportTable(
         text("layout_sha256", "Hash of its grid."),
         *seats(text("agent", "Agent on the seat; empty: a participant.")),
         text(
-            "agent_name", "Name of the agent in the study, such as mine for agents/mine.onnx; empty: an older episode."
+            "agent_name",
+            "Name of the partner in the study, such as mine for agents/mine.onnx, also of a human partner; empty: an "
+            "older episode.",
         ),
         *(text(f"agent_{seat}_sha256", f"Hash of the weights of the agent on seat {seat}.") for seat in (0, 1)),
         text("predictor", "Predictor that ran at every timestep, shown or not."),

@@ -121,7 +121,7 @@ class Seating:
             agent_sha256s=(self._agent(spec, 0), self._agent(spec, 1)),
             predictor_sha256=self.fingerprint(spec.layout, spec.predictor) if spec.predictor else None,
             code_version=self.code_version,
-            agent_name=agent_of(study, step, len(people)).name if any(spec.agents) else None,
+            agent_name=agent_of(study, step, len(people)).name,
         )
 
     def _agent(self, spec: EpisodeSpec, seat: int) -> str | None:

@@ -41,7 +41,7 @@ class NewEpisode:
     agent_sha256s: tuple[str | None, str | None] = (None, None)
     predictor_sha256: str | None = None
     code_version: str = "unknown"
-    agent_name: str | None = None  # what the study calls the agent
+    agent_name: str | None = None  # what the study calls the partner, an agent or a person
 
 
 @dataclass(frozen=True)

@@ -111,7 +111,7 @@ episodes = Table(
         "agent_name",
         KEY,
         nullable=True,
-        meaning="Name of the agent in the study, e.g. mine for agents/mine.onnx; none: no agent, or an older episode.",
+        meaning="Name of the partner in the study, e.g. mine for agents/mine.onnx, or of a human; none: older episode.",
     ),
     column("agent_0_sha256", SHA256, nullable=True, meaning="Hash of the agent's weights."),
     column("agent_1_sha256", SHA256, nullable=True, meaning="Hash of the agent's weights."),

@@ -179,6 +179,7 @@ def test_two_play_one_game_each_as_their_own_chef_and_only_the_watcher_sees_mark
     (episode,) = kept.episodes
     assert {episode.participant_0, episode.participant_1} == {one.id for one in kept.people}
     assert (episode.agent_0, episode.agent_1, episode.status) == (None, None, "done")
+    assert episode.agent_name == "person", "the partner has the name that the study gives it"
     assert len(kept.ticks) == 61
     assert all(row.prediction is not None for row in kept.ticks[:-1])
     assert any(row.key_seq_0 == 1 and row.key_seq_1 == 1 for row in kept.ticks)
