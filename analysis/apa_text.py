@@ -7,9 +7,10 @@ Marked up with <i> for statistical letters, as both HTML and word processors tak
 import math
 from collections.abc import Sequence
 
+from markupsafe import escape
+
 from analysis.factorial import SECTION
 from analysis.factorial_text import factorial_sentences
-from analysis.factorial_within import WITHIN
 from analysis.flow_text import flow_sentence
 from analysis.formatting import listed, number, p_equals, word
 from analysis.phrases import (
@@ -37,14 +38,20 @@ from analysis.tables import PERSON
 
 def findings(analysis: Analysis) -> list[str]:
     """Return the two or three lines at the top of the report."""
-    effects = select(analysis.rows, section=SECTION, question="")
-    has_blocks = any(row.note.startswith(WITHIN) for row in select(effects, test="anova"))
     # With blocks, conditions are orders of blocks, whose comparison is not the main question.
-    reward = (
-        next(iter(factorial_sentences(effects, analysis.subjects)), "") if has_blocks else _reward_finding(analysis)
-    )
+    reward = _effects_finding(analysis) if analysis.within else _reward_finding(analysis)
     found = [reward, _layouts_finding(analysis), _accuracy_finding(analysis)]
     return [line for line in found if line] or ["There is too little data for a comparison yet."]
+
+
+def _effects_finding(analysis: Analysis) -> str:
+    """Return the effects on reward of factors within people, or why there are none."""
+    effects = select(analysis.rows, section=SECTION, question="")
+    if made := factorial_sentences(effects, analysis.subjects):
+        return made[0]
+    tried = [row for row in select(effects, test="anova") if row.n]
+    names = listed([str(escape(name.replace("_", " "))) for name in analysis.within])
+    return f"The effects of {names} on reward could not be tested: {note(tried[0])}." if tried else ""
 
 
 def _reward_finding(analysis: Analysis) -> str:
@@ -129,7 +136,10 @@ def _accuracy_finding(analysis: Analysis) -> str:
 
 
 def sentences(analysis: Analysis) -> list[str]:
-    """Sentences for a results section."""
+    """Sentences for a results section. With blocks of rounds, those about the factors take the place of comparisons of
+    conditions, which would compare orders of the blocks."""
+    if analysis.within:
+        return [text for text in (flow_sentence(analysis), _accuracy_sentence(analysis)) if text]
     reward = (flow_sentence(analysis), _kruskal(analysis), _pairwise(analysis), _mixed(analysis))
     return [text for text in (*reward, *_questionnaire(analysis), _accuracy_sentence(analysis)) if text]
 

@@ -4,11 +4,13 @@ A person has a mean for each combination of levels that was met. An effect withi
 differences, in which everything that is constant over a person's blocks cancels; an effect between people is tested on
 the mean over the combinations. The people of a condition, who met the blocks in one order, are a group: groups with the
 same levels are averaged with equal weight, and only variance within groups is error, so that an effect of the blocks'
-order does not count as an effect of the levels (Hills and Armitage 1979). Balanced data give the tests of a split-plot
+order does not count as an effect of the levels (Hills and Armitage 1979). That needs every level in every block equally
+often; where the orders that are left lack that, there is no test. Balanced data give the tests of a split-plot
 analysis of variance. Where an effect within people has several differences, its degrees of freedom are corrected
 (Greenhouse and Geisser 1959).
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -28,11 +30,13 @@ WITHIN = "within people"  # in the note of a test
 @dataclass(frozen=True)
 class RepeatedCells:
     """The means of people by combination of the levels within people. `groups`: of each condition, the combination of
-    levels between people, and (people, combinations) in the order of the factors' product."""
+    levels between people, and (people, combinations) in the order of the factors' product. `orders`: of each group, the
+    combinations of levels in the order of the blocks; () where it is unknown."""
 
     factors: Factors
     within: tuple[str, ...]
     groups: tuple[tuple[tuple[str, ...], Array], ...]
+    orders: tuple[tuple[tuple[str, ...], ...], ...] = ()
 
     @property
     def inner(self) -> Factors:
@@ -72,18 +76,25 @@ def repeated_cells(table: pl.DataFrame, export: Export) -> RepeatedCells:
     factors, within = repeated_factors(export), within_of(export)
     empty = RepeatedCells(factors, within, ())
     columns = [pl.col(f"{PREFIX}{name}").cast(pl.String) for name in factors]
-    known = export.episodes.select("episode", "participant", "condition", *columns).drop_nulls()
+    known = export.episodes.select("episode", "participant", "condition", "number", *columns).drop_nulls()
     values = table.drop_nulls("value").select("episode", "value").join(known, on="episode", maintain_order="left")
     keys = ["condition", "participant", *(f"{PREFIX}{name}" for name in factors)]
-    means = values.group_by(keys, maintain_order=True).agg(pl.col("value").mean())
+    means = values.group_by(keys, maintain_order=True).agg(pl.col("value").mean(), pl.col("number").min())
     inner = list(product(*empty.inner.values()))
-    groups: dict[tuple[str, tuple[str, ...]], list[list[float]]] = {}
+    groups: dict[tuple[str, tuple[str, ...], tuple[tuple[str, ...], ...]], list[list[float]]] = {}
     for (condition, _), person in means.group_by("condition", "participant", maintain_order=True):
-        met = dict(zip(zip(*(person[f"{PREFIX}{name}"] for name in within), strict=True), person["value"], strict=True))
+        blocks = person.sort("number")  # a block is a run of rounds
+        order = tuple(zip(*(blocks[f"{PREFIX}{name}"] for name in within), strict=True))
+        met = dict(zip(order, blocks["value"], strict=True))
         if all(levels in met for levels in inner):
             between = tuple(str(person[f"{PREFIX}{name}"][0]) for name in empty.outer)
-            groups.setdefault((str(condition), between), []).append([met[levels] for levels in inner])
-    return replace(empty, groups=tuple((key[1], np.array(rows)) for key, rows in sorted(groups.items())))
+            groups.setdefault((str(condition), between, order), []).append([met[levels] for levels in inner])
+    found = sorted(groups.items())
+    return replace(
+        empty,
+        groups=tuple((key[1], np.array(rows)) for key, rows in found),
+        orders=tuple(key[2] for key, _ in found),
+    )
 
 
 def repeated_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame) -> list[Result]:
@@ -123,6 +134,23 @@ def problem_with(cells: RepeatedCells) -> str:
             return f"nobody has values in all blocks{' with ' + where if where else ''}"
     if cells.people == len(cells.groups):
         return "every order of the blocks has one person"
+    return _imbalance(cells)
+
+
+def _imbalance(cells: RepeatedCells) -> str:
+    """Return where some levels come earlier or later than others in the orders that are left; empty if nowhere. The
+    effect of the levels would contain that of the block."""
+    inner = list(product(*cells.inner.values()))
+    for levels in product(*cells.outer.values()):
+        orders = [order for (between, _), order in zip(cells.groups, cells.orders, strict=False) if between == levels]
+        for place in range(len(inner) if orders else 0):
+            counts = Counter(order[place] for order in orders)
+            if len({counts[combination] for combination in inner}) > 1:
+                where = ", ".join(f"{name} {level}" for name, level in zip(cells.outer, levels, strict=True))
+                return (
+                    f"the orders of the blocks{' with ' + where if where else ''} are not balanced: not "
+                    f"all levels are in block {place + 1} equally often, so levels and blocks cannot be told apart"
+                )
     return ""
 
 

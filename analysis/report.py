@@ -34,7 +34,6 @@ from analysis import (
 from analysis.changed_files import changed_notice
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
-from analysis.factorial_within import within_of
 from analysis.results import Result, select, write_results
 from analysis.sensitivity import populations
 from analysis.spreadsheet import safe_table
@@ -170,7 +169,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
             script=Markup((HERE / "report.js").read_text(encoding="utf-8")),  # noqa: S704
-            within=within_of(analysis.export),
+            within=analysis.within,
             primary=[Markup(text) for text in _primary(analysis)],  # noqa: S704
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
             sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704

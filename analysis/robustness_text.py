@@ -22,7 +22,10 @@ def checks(who: Subjects) -> dict[str, str]:
 
 
 def check_sentences(contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subjects = PEOPLE) -> list[str]:
-    """Return a sentence for each kind of check that was computed, as HTML."""
+    """Return a sentence for each kind of check that was computed, as HTML. Without a main contrast there is none: the
+    conditions are then orders of blocks, or there is only one."""
+    if contrast is None:
+        return []
     made = [_models(contrast, rows, who), _learning(contrast, rows), *_simple(contrast, rows, who), _ordinal(rows)]
     return [text for text in made if text]
 

@@ -70,6 +70,11 @@ class Analysis:
     scores: pl.DataFrame = field(default_factory=pl.DataFrame)  # of published scales, one row a page and subscale
 
     @property
+    def within(self) -> tuple[str, ...]:
+        """The factors whose levels people meet in blocks of rounds; the conditions are then orders of the blocks."""
+        return factorial_within.within_of(self.export)
+
+    @property
     def subjects(self) -> Subjects:
         """What texts call those who took part."""
         return self.export.subjects

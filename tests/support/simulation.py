@@ -102,5 +102,6 @@ def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws:
         contrast=design.contrast,
         questionnaire_layouts=LAYOUTS[:4],
         subjects=PEOPLE,
+        within=(),
     )
     return Said(apa_text.findings(analysis), apa_text.sentences(analysis), rows)  # type: ignore[arg-type]
