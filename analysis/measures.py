@@ -28,7 +28,13 @@ def episode_measures(export: Export) -> pl.DataFrame:
     )
     reward = (pl.col("score") + pl.col("progress")).round(DECIMALS)
     episodes = export.episodes.with_columns(reward=reward)
-    for table in (of_ticks, longest_idle(ticks), pushing(ticks), lag(ticks), accuracy_of_episodes(ticks)):
+    for table in (
+        of_ticks,
+        longest_idle(ticks),
+        pushing(ticks),
+        lag(ticks, export.pauses),
+        accuracy_of_episodes(ticks),
+    ):
         episodes = episodes.join(table, on="episode", how="left")
     hidden = _without_server_failures(export.pauses).filter(pl.col("reason").is_in(["hidden", "blur"]))
     hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").cast(pl.Float64).sum())
@@ -88,14 +94,32 @@ def pushing(ticks: pl.DataFrame) -> pl.DataFrame:
     return _runs(ticks).group_by("episode").agg(pushing_share=beyond.sum() / pl.col("length").sum())
 
 
-def lag(ticks: pl.DataFrame) -> pl.DataFrame:
-    """Return how much slower than its fastest key the slowest twentieth of an episode's keys came: episode, lag_ms.
-    Browser and server clocks differ by a constant, which cancels; null if no key times were recorded."""
-    if "key_client_ms" not in ticks.columns:
+def lag(ticks: pl.DataFrame, pauses: pl.DataFrame) -> pl.DataFrame:
+    """Return how much slower than the fastest key the slowest twentieth of an episode's keys came: episode, lag_ms.
+
+    The clocks of browser and server differ by a constant only from one pause to the next: the server's leaves pauses
+    out, and a new page starts its own. So each key is compared with the fastest one between the same two pauses; a page
+    cannot be replaced without a pause. Null if no key times were recorded, or not where the pauses are."""
+    known = {"key_client_ms", "key_received_ms"} <= set(ticks.columns)
+    if not known or (pauses.height and "timestep" not in pauses.columns):
         return ticks.select("episode", lag_ms=pl.lit(None, dtype=pl.Float64)).unique()
     delay = (pl.col("key_received_ms") - pl.col("key_client_ms")).cast(pl.Float64)
-    slow = delay.quantile(0.95, "linear") - delay.min()
-    return ticks.group_by("episode").agg(lag_ms=slow)
+    keys = _between_pauses(ticks, pauses).with_columns(delay=delay)
+    keys = keys.with_columns(extra=pl.col("delay") - pl.col("delay").min().over("episode", "pause"))
+    return keys.group_by("episode").agg(lag_ms=pl.col("extra").quantile(0.95, "linear"))
+
+
+def _between_pauses(ticks: pl.DataFrame, pauses: pl.DataFrame) -> pl.DataFrame:
+    """Return the ticks with `pause`, the state at which the last pause before their actions was; -1: none. A pause at
+    state t comes before the actions of timestep t."""
+    ticks = ticks.with_columns(pl.col("timestep").cast(pl.Int64))
+    if pauses.is_empty():
+        return ticks.with_columns(pause=pl.lit(-1, dtype=pl.Int64))
+    when = pl.col("timestep").cast(pl.Int64)
+    found = pauses.select(pl.col("episode").cast(pl.String), pause=when, timestep=when).drop_nulls().unique()
+    order = ["episode", "timestep"]
+    joined = ticks.sort(order).join_asof(found.sort(order), on="timestep", by="episode", check_sortedness=False)
+    return joined.with_columns(pl.col("pause").fill_null(-1))
 
 
 def prediction_hits(ticks: pl.DataFrame) -> pl.DataFrame:

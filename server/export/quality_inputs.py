@@ -30,6 +30,9 @@ _OF_EPISODES = (
 )  # fmt: skip
 
 
+_OF_PAUSES = ("timestep", "reason", "started_at", "duration_ms")
+
+
 def _failed() -> Label[int]:
     """Return the number of attention checks that a participant failed."""
     failed: Label[int] = attention_counts()[1].label("attention_failed")
@@ -50,7 +53,7 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFr
     of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))
     query = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention)
     query = query.where(_a.participant_id.in_(people))
-    held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.started_at, pauses.c.duration_ms)
+    held = select(pauses.c.episode_id.label("episode"), *(pauses.c[name] for name in _OF_PAUSES))
     named = ("participant", "episode", "question", "value", "value_type", "attention")
     given = [
         dict(zip(named, (*row[:3], *value_text(row[3]), row[4]), strict=True))

@@ -31,7 +31,7 @@ class InputArrival(Struct, frozen=True, gc=False):
 
     tab: str = ""
     unix_ms: float = 0.0
-    game_ms: float | None = None  # since the episode's first tick deadline; None while the game stands still
+    game_ms: float | None = None  # as KeyRecord.received_ms; None while the game stands still
 
 
 class Press(Struct, eq=False, gc=False):

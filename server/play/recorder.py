@@ -47,7 +47,7 @@ class KeyRecord(Struct, frozen=True, gc=False):
     seat: int
     seq: int
     client_ms: float  # performance.now() of the browser at the key press
-    received_ms: float  # server monotonic, milliseconds since the episode's first tick deadline
+    received_ms: float  # server monotonic, milliseconds since state 0 was due, pauses and countdowns not counted
 
 
 class InputRecord(Struct, frozen=True, gc=False):
@@ -82,7 +82,7 @@ class TickRecord(Struct, frozen=True, gc=False):
     prediction: tuple[tuple[float, ...], ...]  # (3, 6) probabilities for timesteps n, n+1, n+2; empty: none or late
     displayed: tuple[tuple[int, int], ...]  # what the frame carried: [action 0-6, opacity %] a step; 6 = nothing
     keys: tuple[KeyRecord, ...]
-    scheduled_ms: float  # deadline of this tick, milliseconds since the episode's first tick, pauses not counted
+    scheduled_ms: float  # deadline of this tick, milliseconds since state 0 was due, pauses not counted
     late_ms: float  # how much later than its deadline the tick began
     models_ms: float  # time the models took
     late: bool  # the models missed the deadline: the agent waits at timestep n

@@ -63,7 +63,7 @@ ticks = Table(
         unit="%",
     ),
     column("late", Boolean, meaning="The models missed the deadline: the agent waits."),
-    column("scheduled_ms", Double, meaning="Deadline, from the episode's first tick on, without pauses.", unit="ms"),
+    column("scheduled_ms", Double, meaning="Deadline, since state 0 was due, without pauses.", unit="ms"),
     column("late_ms", Double, meaning="Delay of the tick after its deadline.", unit="ms"),
     column("models_ms", Double, meaning="Time that the models needed.", unit="ms"),
     column(
@@ -71,7 +71,7 @@ ticks = Table(
     ),
     column("key_client_ms_0", Double, nullable=True, meaning="performance.now() of the browser then.", unit="ms"),
     column(
-        "key_received_ms_0", Double, nullable=True, meaning="Its arrival, since the first tick's deadline.", unit="ms"
+        "key_received_ms_0", Double, nullable=True, meaning="Its arrival, by the clock of `scheduled_ms`.", unit="ms"
     ),
     column("key_seq_1", BigInteger, nullable=True, meaning="The same for seat 1."),
     column("key_client_ms_1", Double, nullable=True, meaning="The same for seat 1.", unit="ms"),
@@ -134,7 +134,7 @@ inputs = Table(
         "received_ms",
         Double,
         nullable=True,
-        meaning="Its arrival, since the first tick's deadline; none: the game was paused.",
+        meaning="Its arrival, by the clock of `scheduled_ms`; none: the game was paused.",
         unit="ms",
     ),
     column(

@@ -11,7 +11,11 @@ import pytest
 from analysis import accuracy, measures
 from analysis.results import select
 from analysis.tables import Export, read_export
+from server.play.messages import Input
+from server.play.session import Session
+from tests.support.live_fakes import make_spec, new_record
 
+NO_PAUSES = pl.DataFrame(schema={"episode": pl.String, "reason": pl.String, "duration_ms": pl.String})
 N, S, E, W, STAY, INTERACT = range(6)
 
 
@@ -75,8 +79,48 @@ def test_lag_is_what_slow_keys_cost_more_than_the_fastest() -> None:
     keys = ticks([N] * 21, [N] * 21).with_columns(
         key_client_ms=pl.col("timestep") * 200.0, key_received_ms=pl.col("timestep") * 201.0 + 5000
     )
-    assert measures.lag(keys)["lag_ms"].item() == pytest.approx(19)
-    assert measures.lag(keys.drop("key_client_ms"))["lag_ms"].item() is None
+    assert measures.lag(keys, NO_PAUSES)["lag_ms"].item() == pytest.approx(19)
+    assert measures.lag(keys.drop("key_client_ms"), NO_PAUSES)["lag_ms"].item() is None
+
+
+def test_a_pause_or_a_new_page_is_no_lag() -> None:
+    """The server's clock leaves pauses out, and the browser's restarts with a new page."""
+    client = [200.0 * t + (13_000 if t >= 10 else 0) - (30_000 if t >= 15 else 0) for t in range(21)]
+    keys = ticks([N] * 21, [N] * 21).with_columns(
+        pl.Series("key_client_ms", client), key_received_ms=pl.col("timestep") * 200.0 + 40
+    )
+    pauses = pl.DataFrame({"episode": ["e", "e", "e", "f"], "timestep": [10, 15, 15, 3]})
+    assert measures.lag(keys, pauses)["lag_ms"].item() == pytest.approx(0)
+    assert measures.lag(keys, pauses.head(1))["lag_ms"].item() > 10_000
+    assert measures.lag(keys, pauses.drop("timestep"))["lag_ms"].item() is None
+
+
+def test_a_pause_of_a_real_session_is_no_lag() -> None:
+    """Every key arrives 40 ms late; half-way, the game is paused for 10 s, and a countdown of 3 s follows."""
+    session = Session(new_record(make_spec()), 0.0)
+    paused = []
+    records = []
+    now = 100.0
+    session.release(0, now)
+    session.count_down(now, now)
+    session.finish_tick([None] * len(session.begin_start()), 1.0)
+    while not session.over:
+        if session.simulation.timestep == 20 and not paused:
+            paused.append(session.pause(0, "hidden", now, datetime(2026, 1, 1, tzinfo=UTC)))
+            session.release(0, now + 10)
+            session.count_down(now + 10, now + 13)
+        seq, pressed = session.simulation.timestep, session.next_deadline - 0.15
+        session.key(0, Input(seq, None, E, 1000 * (pressed - 90)), pressed + 0.04)
+        now = session.next_deadline
+        questions = session.begin_tick(now)
+        records.append(session.finish_tick([None] * len(questions), 1.0))
+    keys = [record.keys[0] for record in records]
+    table = ticks([E] * len(keys), [N] * len(keys)).with_columns(
+        pl.Series("key_client_ms", [key.client_ms for key in keys]),
+        pl.Series("key_received_ms", [key.received_ms for key in keys]),
+    )
+    pauses = pl.DataFrame({"episode": "e", "timestep": [one.timestep for one in paused if one is not None]})
+    assert measures.lag(table, pauses)["lag_ms"].item() == pytest.approx(0, abs=0.01)
 
 
 def test_reward_is_score_and_credit_and_every_episode_keeps_its_row(planted: Export) -> None:

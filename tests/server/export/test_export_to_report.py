@@ -16,7 +16,7 @@ from analysis.episode_quality import episode_proposals
 from analysis.report import write_report
 from analysis.study import Options
 from analysis.table_files import COLUMNS, OPTIONAL, table_file
-from analysis.tables import read_export
+from analysis.tables import export_of, read_export
 from server.export import codebook, quality_inputs
 from server.store import decisions, participants
 from server.store.database import Database
@@ -145,6 +145,13 @@ def test_the_dashboard_and_the_report_propose_the_same_for_each_episode(folder: 
         found |= episode_proposals(database.read_now(quality_inputs.tables, [episode]))
     assert found == wanted
     assert len(wanted) == 2 * PEOPLE
+
+
+def test_the_dashboard_knows_at_which_states_pauses_were_for_the_lag_of_keys(folder: Path, database: Database) -> None:
+    wanted = measures.episode_measures(read_export(folder)).select("episode", "lag_ms").sort("episode")
+    found = export_of(database.read_now(quality_inputs.tables, wanted["episode"].to_list()), folder, "")
+    assert found.pauses.height
+    assert measures.episode_measures(found).select("episode", "lag_ms").sort("episode").equals(wanted)
 
 
 def test_what_the_researcher_excludes_is_left_out_and_listed(database: Database, tmp_path: Path) -> None:
