@@ -4,11 +4,11 @@ Both report the tests over people. The published tests, which treat episodes as 
 Marked up with <i> for statistical letters, as both HTML and word processors take it.
 """
 
-import math
 from collections.abc import Sequence
 
 from markupsafe import escape
 
+from analysis.accuracy_text import accuracy_finding, accuracy_sentence
 from analysis.factorial import SECTION
 from analysis.factorial_text import factorial_sentences
 from analysis.flow_text import flow_sentence
@@ -123,25 +123,17 @@ def _dependent(analysis: Analysis, column: str) -> bool:
 
 
 def _accuracy_finding(analysis: Analysis) -> str:
-    lives = select(analysis.rows, section="accuracy", test="live", layout="all", condition="all", step=0)
-    if not lives:
-        return ""
-    live = 100 * sum(row.estimate for row in lives) / len(lives)
-    text = f"The predictor is right {number(live, 1)} % of the time with {analysis.subjects.people}"
-    offline = select(analysis.rows, section="accuracy", test="offline", layout="all", step=0)
-    if len(offline) == len(lives):
-        gap = live - 100 * sum(row.estimate for row in offline) / len(offline)
-        text += f", {number(abs(gap), 1)} points {'less' if gap < 0 else 'more'} than in the offline test"
-    return text + "."
+    return accuracy_finding(analysis.rows, analysis.subjects)
 
 
 def sentences(analysis: Analysis) -> list[str]:
     """Sentences for a results section. With blocks of rounds, those about the factors take the place of comparisons of
     conditions, which would compare orders of the blocks."""
+    accuracy = accuracy_sentence(analysis.rows, analysis.subjects)
     if analysis.within:
-        return [text for text in (flow_sentence(analysis), _accuracy_sentence(analysis)) if text]
+        return [text for text in (flow_sentence(analysis), accuracy) if text]
     reward = (flow_sentence(analysis), _kruskal(analysis), _pairwise(analysis), _mixed(analysis))
-    return [text for text in (*reward, *_questionnaire(analysis), _accuracy_sentence(analysis)) if text]
+    return [text for text in (*reward, *_questionnaire(analysis), accuracy) if text]
 
 
 def _kruskal(analysis: Analysis) -> str:
@@ -264,13 +256,3 @@ def _agents_statistic(rows: Sequence[Result]) -> str:
 def _estimates(rows: Sequence[Result]) -> str:
     values = [f"with {agent(row.agent)} (estimate {number(row.estimate)}, {corrected(row)})" for row in rows]
     return listed(values)
-
-
-def _accuracy_sentence(analysis: Analysis) -> str:
-    parts = []
-    for row in select(analysis.rows, section="accuracy", test="live", layout="all", condition="all", step=0):
-        low, high = (number(100 * bound, 1) for bound in (row.estimate_low, row.estimate_high))
-        bounds = "" if math.isnan(row.estimate_low) else f" (95 % CI [{low}, {high}])"
-        parts.append(f"{number(100 * row.estimate, 1)} % of {partner(row.agent)}’s actions{bounds}")
-    games = f"In the games with {analysis.subjects.people}"
-    return f"{games} the predictor foresaw {listed(parts)}, mean of the three steps." if parts else ""

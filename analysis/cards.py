@@ -1,28 +1,45 @@
 """Read the offline accuracy (with unseen partners) from the cards of the predictors that were used. A card is found by
-the predictor's hash in the export, never by its name.
+the predictor's hash in the export, never by its name. A predictor with errors added on purpose has the hash of the one
+without them, but not its accuracy: it has no card.
 """
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import polars as pl
 
-from analysis.tables import STEPS
+from analysis.accuracy import degraded_to, predictors_of, with_predictor
+from analysis.tables import STEPS, Export
 
-Offline = dict[str, dict[str, list[float]]]  # agent -> layout -> share of right actions for every step
+Offline = dict[str, dict[str, dict[str, list[float]]]]  # agent -> predictor -> layout -> share right for every step
+
+
+def known_offline(export: Export, weights: Path | None) -> Mapping[str, Mapping[str, object]]:
+    """Return the offline accuracy (as `Offline`) from the export, otherwise from the cards. An export that names it
+    does so by agent: it counts for the agent's only predictor without errors on purpose."""
+    stored = export.about.get("offline_accuracy")
+    if not isinstance(stored, Mapping):
+        return offline_accuracy(export.episodes, weights) if weights else {}
+    trained = {
+        agent: [name for name in predictors_of(export.episodes, agent) if degraded_to(name) is None]
+        for agent in export.agents
+    }
+    return {agent: {names[0]: stored.get(agent)} for agent, names in trained.items() if len(names) == 1}
 
 
 def offline_accuracy(episodes: pl.DataFrame, weights: Path) -> Offline:
-    """For every agent and layout whose predictor lies in `weights` (folders LAYOUT/NAME); others are left out."""
+    """For every agent, predictor and layout whose predictor lies in `weights` (folders LAYOUT/NAME); others are left
+    out."""
     if "predictor_sha256" not in episodes.columns:
         return {}
     known = {hash_of(path.parent): steps for path in sorted(weights.glob("*/*/config.json")) if (steps := _steps(path))}
     found: Offline = {}
-    used = episodes.select("agent", "layout", "predictor_sha256").drop_nulls().unique(maintain_order=True)
-    for agent, layout, digest in used.iter_rows():
-        if digest in known:
-            found.setdefault(agent, {})[layout] = known[digest]
+    used = with_predictor(episodes).select("agent", "predictor", "layout", "predictor_sha256").drop_nulls()
+    for agent, predictor, layout, digest in used.unique(maintain_order=True).iter_rows():
+        if digest in known and degraded_to(predictor) is None:
+            found.setdefault(agent, {}).setdefault(predictor, {})[layout] = known[digest]
     return found
 
 

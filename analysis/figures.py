@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy import stats
 
+from analysis.accuracy_text import predictor_words
 from analysis.figure_style import ACCENT, CARD, FILLS, INK, SOFT, fill, new_figure, styled
 from analysis.formatting import agent_title, condition_title, layout_title, partner_title, stars
 from analysis.power import Power
@@ -161,12 +162,12 @@ def accuracy(rows: Sequence[Result], chance: float = 1 / 6) -> Figure:
             line = [
                 found.estimate * 100
                 for found in select(rows, section="accuracy", test=test, layout="all", agent=row.agent)
-                if found.step and found.condition == row.condition
+                if found.step and (found.condition, found.note) == (row.condition, row.note)
             ]
             steps = range(1, len(line) + 1)
             face = INK if test == "offline" else CARD
             panel.plot(steps, line, style, color=INK, linewidth=1.2, marker="o", markersize=4.5, markerfacecolor=face)
-            ends.append((line[-1], f"{agent_title(row.agent)} {name}"))
+            ends.append((line[-1], f"{agent_title(row.agent)} {name}{_which(rows, row)}"))
     _end_labels(panel, ends, 6.5)
     panel.plot([1, 3], [chance * 100] * 2, color=FILLS["random"][0], linewidth=1.2, linestyle=(0, (2, 2)))
     panel.annotate("chance", (3.12, chance * 100), va="center", fontsize=8)
@@ -177,6 +178,12 @@ def accuracy(rows: Sequence[Result], chance: float = 1 / 6) -> Figure:
     panel.set_ylabel("right, %")
     panel.grid(axis="y")
     return figure
+
+
+def _which(rows: Sequence[Result], row: Result) -> str:
+    """Return which of an agent's predictors a line is about, where that is not clear."""
+    words = predictor_words(rows, row)
+    return f", {words}" if words else ""
 
 
 def _end_labels(panel: Axes, ends: Sequence[tuple[float, str]], apart: float) -> None:

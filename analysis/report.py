@@ -19,6 +19,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from analysis import (
+    accuracy_text,
     apa_text,
     equivalence_text,
     factorial_text,
@@ -31,6 +32,7 @@ from analysis import (
     scales,
     sensitivity_text,
 )
+from analysis.accuracy import degraded_to
 from analysis.changed_files import changed_notice
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
@@ -144,6 +146,8 @@ def _environment() -> Environment:
         scale=scales.scale_title,
     )
     environment.globals["outcome"] = equivalence_text.outcome
+    environment.globals["accuracy_lines"] = accuracy_text.accuracy_lines
+    environment.tests["degraded"] = lambda predictor: degraded_to(predictor) is not None
     environment.tests["computed"] = lambda value: not math.isnan(value)
     return environment
 

@@ -1,6 +1,6 @@
 """Analyse a study in one call: from an export to result rows and everything else that a report needs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -112,7 +112,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *assumptions.check(episodes, MEASURE, conditions, cells(layouts, agents)),
         *questionnaires.rows(answers, conditions, agents),
         *scales.rows(export, scores, used, conditions),
-        *accuracy.offline(_offline(export, options), layouts, agents),
+        *accuracy.offline(cards.known_offline(export, options.weights), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
         *design_rows(export, episodes, answers, conditions),
         *robustness_rows(RobustnessInputs(export, every, episodes, quality, answers, *compared)),
@@ -187,14 +187,6 @@ def reward_tests(episodes: pl.DataFrame, design: AnalysisDesign, draws: int, see
     if design.contrast is not None and columns:
         rows += ranking.dependence(episodes, MEASURE, design.contrast, columns, draws, seed)
     return rows
-
-
-def _offline(export: Export, options: Options) -> Mapping[str, object]:
-    """Return the offline accuracy from the export, otherwise from the cards."""
-    stored = export.about.get("offline_accuracy")
-    if isinstance(stored, Mapping):
-        return stored
-    return cards.offline_accuracy(export.episodes, options.weights) if options.weights else {}
 
 
 def smallest_condition(episodes: pl.DataFrame, conditions: Sequence[str]) -> int:

@@ -197,7 +197,7 @@ def test_live_accuracy_is_the_planted_one_and_its_interval_is_over_people(plante
 
 
 def test_offline_accuracy_is_the_mean_of_the_steps_and_of_all_layouts() -> None:
-    said = {"sp": {"matrix": [0.9, 0.6, 0.3], "double_rings": [1.0, 1.0, 1.0]}}
+    said = {"sp": {"sp_predictor_stream": {"matrix": [0.9, 0.6, 0.3], "double_rings": [1.0, 1.0, 1.0]}}}
     rows = accuracy.offline(said, ("double_rings", "matrix"), ("sp", "fcp"))
     assert select(rows, layout="matrix", step=0)[0].estimate == pytest.approx(0.6)
     assert select(rows, layout="all", step=0)[0].estimate == pytest.approx(0.8)

@@ -116,10 +116,21 @@ def test_offline_accuracy_is_found_by_the_hash_of_the_predictor(tmp_path: Path) 
         (card / "config.json").write_text(json.dumps({"accuracy": accuracy}))
         (card / "sha256").write_text(f"{name}\n")
     used = hashlib.sha256(b"sp_predictor_stream\n").hexdigest()
+    other = hashlib.sha256(b"sp_predictor_window\n").hexdigest()
     episodes = pl.DataFrame(
-        {"agent": ["sp", "fcp"], "layout": ["matrix", "matrix"], "predictor_sha256": [used, "0" * 64]}
+        {
+            "agent": ["sp", "sp", "sp", "fcp"],
+            "predictor": ["sp_predictor_stream", "sp_predictor_window", "sp_predictor_stream@40", "mine"],
+            "layout": "matrix",
+            "predictor_sha256": [used, other, used, "0" * 64],  # a degraded predictor is the same file
+        }
     )
-    assert cards.offline_accuracy(episodes, tmp_path) == {"sp": {"matrix": pytest.approx([0.9, 0.8, 0.7])}}
+    assert cards.offline_accuracy(episodes, tmp_path) == {
+        "sp": {
+            "sp_predictor_stream": {"matrix": pytest.approx([0.9, 0.8, 0.7])},
+            "sp_predictor_window": {"matrix": pytest.approx([0.8, 0.7, 0.6])},
+        }
+    }
     assert cards.offline_accuracy(episodes.drop("predictor_sha256"), tmp_path) == {}
 
 
