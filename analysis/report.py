@@ -36,6 +36,7 @@ from analysis.accuracy import degraded_to
 from analysis.changed_files import changed_notice
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
+from analysis.quality_decisions import ANALYSED, with_decisions
 from analysis.results import Result, select, write_results
 from analysis.sensitivity import populations
 from analysis.spreadsheet import safe_table
@@ -77,7 +78,7 @@ def write_analysed(analysis: Analysis, out: Path, options: Options) -> Report:
     drawn = _draw(analysis, out / "figures")
     report = Report(out / "report.html", out / "results.csv", out / "quality.csv", analysis)
     write_results(analysis.rows, report.results)
-    safe_table(analysis.quality).write_csv(report.quality)
+    safe_table(_decided(analysis)).write_csv(report.quality)
     if not analysis.scores.is_empty():
         safe_table(analysis.scores).write_csv(out / "scores.csv")
     report.page.write_text(render(analysis, drawn, options), encoding="utf-8")
@@ -209,10 +210,15 @@ def _primary(analysis: Analysis) -> list[str]:
     return primary_text.primary_lines(analysis.declaration, analysis.rows, analysis.subjects)
 
 
+def _decided(analysis: Analysis) -> pl.DataFrame:
+    return with_decisions(analysis.quality, analysis.export.participants, analysis.episodes)
+
+
 def _flagged(analysis: Analysis) -> pl.DataFrame:
-    """Return the episodes that a rule or the researcher flagged, the worst first."""
-    wanting = (pl.col("proposal") != "keep") | (pl.col("excluded") != "")
-    return analysis.quality.filter(wanting).sort("proposal", maintain_order=True)
+    """Return the episodes that a rule flagged or that were not analysed, the worst first."""
+    wanting = (pl.col("proposal") != "keep") | (pl.col("decision") != ANALYSED)
+    order = pl.col("proposal").replace_strict(["drop", "look", "keep"], [0, 1, 2])
+    return _decided(analysis).filter(wanting).sort(order, maintain_order=True)
 
 
 def _displays(export: Export) -> list[tuple[str, int, int | None, int, int]]:
