@@ -7,11 +7,13 @@ from collections.abc import Sequence
 
 import polars as pl
 
+from analysis.intentions import NOTHING_SHOWN
 from analysis.person_means import means_by_condition
 from analysis.results import Result
 from analysis.table_files import ON_DEMAND
 
 NOTHING_DRAWN = 6
+INTENTION = "displayed_intention_kind"  # an older export lacks it; empty where the condition draws no intentions
 MS_A_MINUTE = 60_000
 MEASURES = {"shown_share": "share of time", "uses_per_minute": "uses a minute"}
 
@@ -24,13 +26,21 @@ def by_episode(ticks: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
     begins = asked & ~asked.shift(1).over("episode").fill_null(False)
     seen = ticks.filter(asked.is_not_null()).sort("episode", "timestep").with_columns(begins=begins)
     found = seen.group_by("episode", maintain_order=True).agg(
-        shown_share=(pl.col("displayed_1") != NOTHING_DRAWN).mean(),
+        shown_share=_is_shown(ticks.columns).mean(),
         uses=pl.col("begins").sum(),
         timesteps=pl.len(),
     )
     minutes = pl.col("timesteps") * pl.col("tick_ms") / MS_A_MINUTE
     known = episodes.select("episode", "participant", "condition", "tick_ms")
     return found.join(known, on="episode").with_columns(uses_per_minute=pl.col("uses") / minutes)
+
+
+def _is_shown(columns: Sequence[str]) -> pl.Expr:
+    """Return true where an action or an intention is drawn."""
+    action = pl.col("displayed_1") != NOTHING_DRAWN
+    if INTENTION not in columns:
+        return action
+    return action.fill_null(False) | (pl.col(INTENTION) != NOTHING_SHOWN).fill_null(False)
 
 
 def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:

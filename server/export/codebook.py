@@ -171,7 +171,7 @@ TICKS = ExportTable(
             "misleading",
             "boolean",
             "Whether the marks of state t are a wrong future; empty: the episode does not mislead. They were seen "
-            "where `displayed_1` is not 6.",
+            "where `displayed_1` is not 6 or `displayed_intention_kind` is a kind, not 8.",
         ),
         Column(
             "in_sight",

@@ -31,6 +31,19 @@ def test_share_of_time_and_uses_a_minute_of_each_condition() -> None:
     assert uses.estimate == pytest.approx((3 / (10 * 0.2 / 60) + 0) / 2)
 
 
+@pytest.mark.parametrize(("display", "share"), [("intention", 0.6), ("both", 0.8), ("actions", 0.7)])
+def test_an_intention_counts_as_shown_like_an_action(display: str, share: float) -> None:
+    """Nothing has to be drawn of what the condition does not draw."""
+    intentions = [4, 0, 8, 8, 8, 3, 8, 3, 3, 3]
+    actions = [2, 2, 2, 2, 6, 2, 6, 2, 2, 6]
+    kinds = pl.Series([None] * 10 if display == "actions" else intentions, dtype=pl.Int16)
+    table = ticks("e1", [True] * 10).with_columns(
+        pl.Series("displayed_1", [6] * 10 if display == "intention" else actions), displayed_intention_kind=kinds
+    )
+    shown, _ = on_demand.rows(table, EPISODES, ["hold"])
+    assert shown.estimate == pytest.approx(share)
+
+
 def test_an_older_export_has_no_such_rows() -> None:
     table = ticks("e1", [True]).drop("asked")
     assert on_demand.rows(table, EPISODES, ["hold", "always"]) == []
