@@ -17,6 +17,7 @@ from overcooked.layout import parse_layout
 from server.export.rows import Row, Rows, Selection, misleading
 from server.play.episode_spec import EpisodeSpec
 from server.play.frames import viewer
+from server.play.intentions import NO_INTENTION_SHOWN
 from server.play.marks import NOTHING_SHOWN
 from server.play.recorder import TickRecord
 from server.play.simulation import Simulation
@@ -68,8 +69,14 @@ def counted(
         if response:
             phases[AFTER if was_misled else BEFORE][response] += 1
         # Only afterwards: when it appears, the participant cannot tell that the first wrong mark is wrong.
-        was_misled = was_misled or (record.misleading is True and record.displayed[0][0] != NOTHING_SHOWN)
+        was_misled = was_misled or (record.misleading is True and _is_seen(record))
     return phases, was_misled
+
+
+def _is_seen(record: TickRecord) -> bool:
+    """Return whether an action or an intention was drawn."""
+    kind = NO_INTENTION_SHOWN if record.displayed_intention is None else record.displayed_intention[0]
+    return record.displayed[0][0] != NOTHING_SHOWN or kind != NO_INTENTION_SHOWN
 
 
 def responses(spec: EpisodeSpec, records: Sequence[TickRecord]) -> Iterator[tuple[TickRecord, str]]:

@@ -1,6 +1,7 @@
 """What people do next to shown cells, counted by hand."""
 
 import pytest
+from msgspec import structs
 
 from overcooked.constants import EAST, INTERACT, NORTH, SOUTH, STAY, WEST
 from server.export.reliance import counted, response, responses
@@ -62,3 +63,10 @@ def test_responses_are_counted_before_and_after_the_first_wrong_mark() -> None:
 def test_wrong_marks_that_nobody_saw_mislead_nobody() -> None:
     records = [tick(0, NOTHING, None, True), tick(1, NOTHING, NORTH, True)]
     assert not counted(SPEC, records, was_misled=False)[1]
+
+
+def test_a_wrong_intention_that_was_drawn_misleads_like_an_action() -> None:
+    seen = structs.replace(tick(0, NOTHING, None, True), displayed_intention=(4, 3, 0, 95))
+    assert counted(SPEC, [seen, tick(1, NOTHING, NORTH, True)], was_misled=False)[1]
+    hidden = structs.replace(seen, displayed_intention=(8, -1, -1, 95))
+    assert not counted(SPEC, [hidden, tick(1, NOTHING, NORTH, True)], was_misled=False)[1]
