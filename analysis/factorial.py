@@ -20,10 +20,10 @@ from analysis.declared import BY as BY
 from analysis.groups import ALL, Values, computed
 from analysis.results import Result
 from analysis.tables import Export, in_order
+from analysis.within_effects import PREFIX as PREFIX
 
 SECTION: Final = "factorial"
 SIMPLE: Final = "factorial simple effects"
-PREFIX: Final = "factor_"  # of the columns of the participants
 REWARD: Final = "reward"
 
 Array = NDArray[np.float64]

@@ -1,4 +1,6 @@
-"""The mixed model of reward: condition, agent and layout as fixed effects, people as random effect."""
+"""The mixed model of reward: condition, agent, layout and levels within people as fixed effects, people as random
+effect.
+"""
 
 import math
 from collections.abc import Sequence
@@ -13,6 +15,7 @@ from analysis.groups import pairs
 from analysis.mixed_model_fit import Array, Data, Fit
 from analysis.results import Result
 from analysis.tables import AGENTS, LAYOUTS, in_order
+from analysis.within_effects import with_within_effects
 
 MIN_PEOPLE = 6
 
@@ -20,7 +23,7 @@ MIN_PEOPLE = 6
 @dataclass(frozen=True)
 class Variance:
     """The variance components of reward, as standard deviations in points: between people, and between episodes of one
-    person."""
+    person, at the same levels."""
 
     person_sd: float
     residual_sd: float
@@ -51,7 +54,7 @@ def fit(episodes: pl.DataFrame, measure: str, conditions: Sequence[str]) -> Mixe
     base = Result("mixed model", "fixed_effect", "all", "all", n=chosen.height)
     if len(present) < 2 or people < MIN_PEOPLE or chosen.height <= people:
         return _none(base, "needs two conditions, six people and more than one episode a person")
-    data = _data(chosen, measure, fixed_effects(chosen, present))
+    data = _data(chosen, measure, with_within_effects(chosen, present, fixed_effects(chosen, present)))
     try:
         fitted = mixed_model_fit.fit(data)
     except (mixed_model_fit.FitError, np.linalg.LinAlgError) as error:

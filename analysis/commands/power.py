@@ -218,6 +218,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     from analysis.factorial_within import repeated_factors, within_of
     from analysis.study import MEASURE, smallest_condition
     from analysis.tables import read_export
+    from analysis.within_effects import with_levels
 
     export = read_export(folder, arguments.study, arguments.study_version)
     if notice := versions_notice(export):
@@ -244,7 +245,9 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     table, measure = primary.values_of_episodes(plan.declared, episodes, export.answers)
     people = max(1, table["participant"].n_unique())
     plan = replace(plan, primary_episodes=max(1, round(table.height / people)))
-    spread = mixed_model.fit(table, measure, export.conditions).variance if measure != MEASURE else None
+    if measure == MEASURE:
+        return plan
+    spread = mixed_model.fit(with_levels(table, episodes), measure, export.conditions).variance
     return replace(plan, answer_sds=(spread.person_sd, spread.residual_sd)) if spread else plan
 
 

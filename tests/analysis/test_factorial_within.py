@@ -1,5 +1,6 @@
 """Factors within people: the numbers of statsmodels, power, and what the report says."""
 
+import argparse
 import math
 from itertools import product
 from pathlib import Path
@@ -11,7 +12,8 @@ import pytest
 from statsmodels.formula.api import mixedlm, ols
 
 import kitchenmind
-from analysis import factorial_power, factorial_within, primary
+from analysis import factorial_power, factorial_within, measures, mixed_model, primary
+from analysis.commands.power import _from_export
 from analysis.declared import DeclaredTest
 from analysis.factorial_within import RepeatedCells
 from analysis.power import PowerDesign
@@ -19,6 +21,7 @@ from analysis.report import write_report
 from analysis.results import Result, select
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
+from analysis.tables import read_export
 from tests.support.declaring import declaring
 
 TWO = {"prediction": ("none", "tom"), "opacity": ("off", "on")}
@@ -159,6 +162,62 @@ def blocks(tmp_path_factory: pytest.TempPathFactory) -> Path:
         score=pl.col("score") + 25 * (pl.col("factor_prediction") == "tom").cast(pl.Int32)
     ).write_parquet(path)
     return out
+
+
+def test_the_power_of_a_pilot_in_blocks_uses_the_variance_of_the_test_within_people(blocks: Path) -> None:
+    """The effects of the levels and the blocks are large and are not variance."""
+    arguments = argparse.Namespace(study=None, study_version=None)
+    plan = _from_export(blocks, arguments)
+    export = read_export(blocks)
+    episodes = measures.analysed(measures.episode_measures(export), export.participants).to_pandas()
+    keys = ["reward", "participant", "condition", "factor_prediction", "layout", "agent"]
+    table = episodes[keys].astype({"condition": str})
+    formula = "reward ~ C(condition) * C(factor_prediction) + C(layout) + C(agent)"
+    wanted = mixedlm(formula, table, groups=table["participant"]).fit(reml=True)
+    assert plan.residual_sd == pytest.approx(math.sqrt(wanted.scale), rel=1e-3)
+    assert plan.person_sd == pytest.approx(math.sqrt(float(wanted.cov_re.iloc[0, 0])), rel=1e-2)
+    without = mixed_model.fit(pl.from_pandas(table), "reward", export.conditions)
+    assert without.variance is not None
+    assert without.variance.residual_sd == pytest.approx(plan.residual_sd)
+    plain = mixed_model.fit(pl.from_pandas(table.drop(columns="factor_prediction")), "reward", export.conditions)
+    assert plain.variance is not None
+    assert plain.variance.residual_sd > 1.2 * wanted.scale**0.5
+    pairs = (select(model.rows, test="fixed_effect")[0].estimate for model in (plain, without))
+    assert next(pairs) == pytest.approx(next(pairs), abs=0.5), "a difference between conditions is that of their means"
+
+
+def test_with_one_value_in_each_block_the_residual_is_that_of_the_differences() -> None:
+    generator = np.random.default_rng(4)
+    rows = [
+        (f"{order}{person}", order, level, 60 + talent + shift + 7 * (number == 1) + generator.normal(0, 5))
+        for order, levels in (("a", ("none", "tom")), ("b", ("tom", "none")))
+        for person in range(9)
+        for talent in (generator.normal(0, 8),)
+        for number, level in enumerate(levels)
+        for shift in ({"none": 0, "tom": 30}[level],)
+    ]
+    names = ["participant", "condition", "factor_prediction", "reward"]
+    table = pl.DataFrame(rows, schema=names, orient="row").with_columns(layout=pl.lit("matrix"), agent=pl.lit("sp"))
+    variance = mixed_model.fit(table, "reward", ("a", "b")).variance
+    wide = table.pivot(on="factor_prediction", index=["participant", "condition"], values="reward")
+    wide = wide.with_columns(difference=pl.col("tom") - pl.col("none"))
+    pooled = float(np.mean([part["difference"].var() for _, part in wide.group_by("condition")]))  # type: ignore[arg-type]
+    assert variance is not None
+    assert variance.residual_sd == pytest.approx(math.sqrt(pooled / 2), rel=1e-4)
+
+
+def test_orders_in_which_a_combination_is_missing_can_still_be_fitted() -> None:
+    table = pl.DataFrame(
+        {
+            "participant": [f"{order}{person}" for order in "ab" for person in range(4) for _ in range(4)],
+            "condition": [order for order in "ab" for _ in range(16)],
+            "factor_prediction": ["none", "tom", "none", "tom"] * 4 + ["none", "tom", "random", "tom"] * 4,
+            "reward": np.random.default_rng(1).normal(60, 9, 32),
+            "layout": "matrix",
+            "agent": "sp",
+        }
+    )
+    assert mixed_model.fit(table, "reward", ("a", "b")).variance is not None
 
 
 @pytest.mark.usefixtures("no_pictures")
