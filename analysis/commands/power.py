@@ -209,8 +209,7 @@ def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, 
 
 
 def _from_export(folder: Path, arguments: argparse.Namespace, declared: "DeclaredTest | None" = None) -> StudyPlan:
-    """Return how reward varied in a pilot, and answers where the primary test (`declared`, else the pilot's own) is
-    about them."""
+    """Return how reward varied in a pilot, and answers if the primary test (`declared`, else its own) is about them."""
     from analysis import measures, mixed_model, primary
     from analysis.declared import declaration_of
     from analysis.exclusions import versions_notice
