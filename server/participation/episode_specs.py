@@ -47,7 +47,7 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
         watched_seat=1 - seat,
         shown=_SHOWN[arm.predictor] if study.shows_predictions(arm) else "nothing",
         seed=step.seed,
-        steps_shown=arm.steps_shown or study.predictor.steps_shown,
+        steps_shown=steps_shown_of(study, arm),
         confidence_opacity=opacity_of(study, arm),
         horizon=0 if tutorial else study.game.horizon,
         tick_ms=study.game.tick_ms,
@@ -77,6 +77,11 @@ def lessons(study: Study, condition: Condition) -> tuple[str, ...]:
 def show_of(study: Study, condition: Condition) -> Show:
     """Return when the marks of a condition are drawn; `always` also if it has none."""
     return (condition.show or study.predictor.show) if study.shows_predictions(condition) else "always"
+
+
+def steps_shown_of(study: Study, condition: Condition) -> int:
+    """Return how many predicted steps a condition draws."""
+    return condition.steps_shown or study.predictor.steps_shown
 
 
 def opacity_of(study: Study, condition: Condition) -> bool:

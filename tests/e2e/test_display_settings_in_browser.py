@@ -48,7 +48,7 @@ def test_the_introduction_explains_how_to_ask_for_the_marks(
         box.check()
     with page.expect_navigation():
         page.locator("main .btn:not(.quiet):visible").first.click()
-    expect(page.locator("#slide-team .view")).to_contain_text("You see 2 cells around your chef")
+    expect(page.locator("#slide-team .view")).to_contain_text("You can see up to 2 cells away from your chef")
     screenshot(page, f"introduction-view-{size['width']}x{size['height']}")
     while page.is_visible("#next"):
         page.click("#next")

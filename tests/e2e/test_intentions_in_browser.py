@@ -133,6 +133,29 @@ def test_the_path_follows_the_drawn_steps_if_they_lead_to_the_station(blank: Pag
     assert len(away) == 4
 
 
+@pytest.mark.parametrize(("steps", "words"), [(1, []), (2, ["First", "Second"]), (3, ["First", "Second", "Third"])])
+def test_the_legend_names_as_many_steps_as_are_drawn(
+    chromium: Browser, server: FakeGameServer, steps: int, words: list[str]
+) -> None:
+    server.reset()
+    server.welcome = welcome(grid=tuple(RING.grid), steps=steps)
+    with opened(chromium, server) as page:
+        start(page, server, kitchen(t=1))
+        assert [one.inner_text().strip() for one in page.locator("#legend-order span:visible").all()] == words
+        assert page.is_visible("#legend-order") == (steps > 1)
+
+
+@pytest.mark.parametrize(("tick_ms", "words"), [(200, "4 seconds"), (50, "1 second"), (125, "2.5 seconds")])
+def test_the_legend_tells_how_long_a_soup_cooks_at_the_studys_speed(
+    chromium: Browser, server: FakeGameServer, tick_ms: int, words: str
+) -> None:
+    server.reset()
+    server.welcome = welcome(grid=tuple(RING.grid), shows_predictions=False, display="none", tick_ms=tick_ms)
+    with opened(chromium, server) as page:
+        start(page, server, kitchen(t=1))
+        assert page.locator("#legend-cooking").text_content() == f": {words}"
+
+
 @pytest.mark.parametrize(("display", "entries"), [("actions", 4), ("intention", 3), ("both", 7)])
 def test_the_legend_explains_what_is_shown_and_screen_readers_hear_the_intention(
     chromium: Browser, server: FakeGameServer, display: str, entries: int

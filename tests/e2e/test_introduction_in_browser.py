@@ -1,9 +1,11 @@
 """The introduction in a real browser: slides by keyboard and swipe, controls of the device, kitchens drawn."""
 
+from pathlib import Path
+
 from playwright.sync_api import Browser, expect
 
 from tests.support.browser.person import DESK, PHONE, BrowserPerson, answer_everything, heading
-from tests.support.page_site import PageSite
+from tests.support.page_site import SMALL_STUDY, PageSite
 
 
 def test_introduction_returns_to_its_slide_and_continues_by_keyboard(person: BrowserPerson) -> None:
@@ -75,6 +77,39 @@ def test_kitchens_are_drawn(person: BrowserPerson) -> None:
     page.wait_for_function("document.getElementById('scene').width > 448")
     colours = page.evaluate(COLOURS)
     assert colours > 30
+
+
+GREEN = """() => {
+    const canvas = document.getElementById('scene');
+    const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    let green = 0;
+    for (let i = 0; i < data.length; i += 4) green += data[i + 1] > data[i] + 60 && data[i + 1] > data[i + 2] + 40;
+    return green;
+}"""
+
+
+def test_the_scene_draws_as_many_steps_as_the_rounds(chromium: Browser, tmp_path: Path) -> None:
+    greens = []
+    arms = "  - {name: without, predictor: none}\n  - {name: with, predictor: tom}\n"
+    studies = [
+        SMALL_STUDY.replace("name: small", f"name: steps{steps}", 1)
+        .replace(arms, f"  - {{name: with, predictor: tom, steps_shown: {steps}}}\n")
+        .replace("flow: [everything, introduction", "flow: [introduction, everything")
+        for steps in (1, 2, 3)
+    ]
+    with PageSite(tmp_path, *studies) as running:
+        for steps in (1, 2, 3):
+            context = chromium.new_context(viewport=DESK, reduced_motion="reduce", bypass_csp=True)
+            page = context.new_page()
+            page.goto(f"{running.url}/s/steps{steps}")
+            page.locator(".check input").check()
+            page.click("#agree")
+            page.locator("#dots button").last.click()
+            expect(page.locator("#slide-marks")).to_be_visible()
+            page.wait_for_function("document.getElementById('scene').width > 448")
+            greens.append(page.evaluate(GREEN))
+            context.close()
+    assert greens[0] < greens[1] < greens[2], "the last moment of the scene, with one to three marks"
 
 
 def test_the_introduction_teaches_the_controls_of_the_device(chromium: Browser, site: PageSite) -> None:

@@ -48,11 +48,21 @@ def test_the_view_is_bright_and_the_rest_is_dark(
         assert brightness(page, 5.5, 4.5) > brightness(page, 7.5, 4.5) + 60, "remembered and never seen"
 
 
+@pytest.mark.parametrize(("radius", "note"), [(1, "view: 1 cell each way"), (2, "view: 2 cells each way")])
+def test_the_note_on_the_view_counts_its_cells(
+    chromium: Browser, server: FakeGameServer, radius: int, note: str
+) -> None:
+    server.welcome = welcome(grid=RINGS, state=kitchen(players=(OWN, (3, 1, 2, 1))), view_radius=radius)
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        start(page, server, kitchen(t=1, players=(OWN, (3, 1, 2, 1))))
+        expect(page.locator("#round")).to_contain_text(note)
+
+
 def test_a_partner_out_of_view_is_not_drawn_and_has_no_marks(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = limited()
     with opened(chromium, server, viewport=DESKTOP) as page:
         start(page, server, kitchen(t=1, players=(OWN, (3, 1, 2, 1))))
-        expect(page.locator("#round")).to_contain_text("view: 2 cells")
+        expect(page.locator("#round")).to_contain_text("view: 2 cells each way")
         shown(page, server, 2, (3, 1, 2, 1), PATH, True)
         near = brightness(page, 3.5, 1.5)
         shown(page, server, 3, (2, 1, 0, 0), ((6, 95), (6, 80), (6, 60)), False)

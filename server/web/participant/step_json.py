@@ -96,9 +96,7 @@ def _now(made: StepPage, context: Context, **hidden: str) -> None:
 def _introduction(made: StepPage, context: Context) -> None:
     words = context["t"]
     made.title = words("phase.introduction")
-    made.texts = [
-        StepText(words(f"introduction.{slide}_title"), words(key)) for slide, key in context["slide_texts"].items()
-    ]
+    made.texts = [StepText(slide.title, slide.text) for slide in context["introduction"].slides]
     _now(made, context)
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 from fastapi import Response
 
 from server.participation import pairing, progress
-from server.participation.episode_specs import layout_of, lessons, show_of, view_radius_of
+from server.participation.episode_specs import layout_of, lessons
 from server.participation.page_answers import questions_of
 from server.participation.recruiter_links import ReturnTarget, return_target
 from server.store import episodes, events, participants
@@ -19,8 +19,7 @@ from server.study.definition import Study
 from server.study.recruitment import Exit
 from server.study.steps import PHASES, Kind, StudyStep, episodes_of
 from server.web.dependencies import PageResponse
-
-INTRODUCTION = ("team", "fetch", "fill", "wait", "deliver", "marks")
+from server.web.participant.introduction import introduction_of
 
 
 @dataclass(frozen=True)
@@ -141,25 +140,8 @@ def _message(page: PageResponse, study: Study, name: str, fault: AnswerError) ->
 async def _introduction(
     page: PageResponse, participant: Participant, _step: StudyStep, _filled: Filled
 ) -> dict[str, Any]:
-    """Return the slides; predictions are only explained in conditions that show them."""
     study = page.web.studies.of(participant)
-    condition = study.condition(participant.condition)
-    slides = [key for key in INTRODUCTION if key != "marks" or study.shows_predictions(condition)]
-    with_human, display = all(agent.human for agent in study.agents), study.drawn(condition)
-    return {
-        "slides": slides,
-        "slide_texts": {slide: _slide_text(slide, display, with_human) for slide in slides},
-        "show": show_of(study, condition),
-        "view_radius": next(filter(None, (view_radius_of(study, one) for one in condition.displays)), 0),
-        "display": display,
-    }
-
-
-def _slide_text(slide: str, display: str, with_human: bool) -> str:
-    """Return the key of a slide's text: what marks are depends on what is drawn, and who the partner is on the
-    study."""
-    drawn = f"_{display}" if slide == "marks" and display in ("intention", "both") else ""
-    return f"introduction.{slide}{drawn}{'_human' if with_human and slide in ('team', 'marks') else ''}"
+    return {"introduction": introduction_of(study, study.condition(participant.condition), page.words)}
 
 
 async def _ready(page: PageResponse, participant: Participant, step: StudyStep, _filled: Filled) -> dict[str, Any]:

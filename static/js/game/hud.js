@@ -3,6 +3,7 @@
 /** @import { State } from '../board/state.js' */
 /** @import { Catalogue } from '../browser/texts.js' */
 
+import { COOK_TIME } from '../board/kitchen.js';
 import { isStarted, secondsLeft } from '../board/state.js';
 import { find, findAll } from '../browser/dom.js';
 
@@ -51,8 +52,7 @@ export class Hud {
     const numbers = { number: game.number, episodes: game.episodes };
     const title = practice ? this.text('practice') : game.title;
     this.#write('#title', title);
-    const view = game.view_radius ? ` · ${this.text('view_note', { cells: game.view_radius })}` : '';
-    this.#write('#round', `${this.text(`${kind}_note`, numbers)}${view}`);
+    this.#write('#round', `${this.text(`${kind}_note`, numbers)}${this.#view(game)}`);
     this.#write('#partner', this.text(game.partner === 'human' ? 'partner_human' : 'partner'));
     document.title = practice ? title : `${title} · ${this.text('round_note', numbers)}`;
     this.#find('.stat.time').hidden = game.endless;
@@ -62,11 +62,37 @@ export class Hud {
       const isOne = part.dataset.display === game.display;
       part.hidden = !isOne && (game.display !== 'both' || part.dataset.alone !== undefined);
     }
+    this.#cutToSteps(game);
+    this.#write('#legend-cooking', this.text('pots.cooking_more', { time: this.#cookingTime(game) }));
     this.#find('#ids').hidden = practice || game.seat < 0;
     this.#find('#legend').hidden = practice;
     this.#find('#legend').classList.toggle('full', game.display === 'both');
     this.#find('#lessons').hidden = !practice;
     for (const controls of ['.panel.kb', '.touch']) this.#find(controls).hidden = game.seat < 0; // only watching
+  }
+
+  /** @param {Wire.Welcome} game */
+  #view({ view_radius: cells }) {
+    if (!cells) return '';
+    return ` · ${cells === 1 ? this.text('view_note_one') : this.text('view_note', { cells })}`;
+  }
+
+  /**
+   * Explain the order of as many steps as are drawn; a single step has none.
+   * @param {Wire.Welcome} game
+   */
+  #cutToSteps({ steps }) {
+    const order = this.#find('#legend-order');
+    if (steps === 1) order.hidden = true;
+    findAll('span', HTMLElement, order).forEach((each, k) => {
+      each.hidden = k >= steps;
+    });
+  }
+
+  /** @param {Wire.Welcome} game */
+  #cookingTime({ tick_ms: tickMs }) {
+    const seconds = Math.round((COOK_TIME * tickMs) / 100) / 10;
+    return seconds === 1 ? this.text('one_second') : this.text('some_seconds', { seconds });
   }
 
   /** @param {State} state */

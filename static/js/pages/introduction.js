@@ -64,7 +64,8 @@ const SCENES = {
 };
 
 const form = find('#slides', HTMLFormElement);
-const { display = 'actions' } = form.dataset;
+const { display = 'actions', steps = '3' } = form.dataset;
+for (const each of SCENES.marks) each.prediction = each.prediction?.slice(0, Number(steps));
 if (display === 'intention') for (const each of SCENES.marks) delete each.prediction;
 if (['intention', 'both'].includes(display)) for (const each of SCENES.marks) each.intention = FILLS_POT;
 const slides = findAll('.slide', HTMLElement, form);
