@@ -97,7 +97,7 @@ EPISODES = ExportTable(
         text("predictor", "Predictor that ran at every timestep, shown or not."),
         text("predictor_sha256", "Hash of its weights."),
         code("watched_seat", "Seat of the chef whose next actions are predicted."),
-        text("shown", "What the participant saw: nothing, predictor or random."),
+        text("shown", "Source of the marks: nothing, predictor or random; wrong on purpose if `misleading` is true."),
         text("display", "What of a prediction was drawn: actions (marks), intention, both, or none."),
         text("show", "When marks were drawn: always, on_key or toggle (only while the participant asked for them)."),
         Column(

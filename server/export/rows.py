@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import msgspec
-from sqlalchemy import Connection, Select, false, func, select, true
+from sqlalchemy import Connection, Select, func, select, true
 
 from server.export import factor_levels
 from server.export.codebook import WIDE
@@ -18,6 +18,7 @@ from server.export.codebook_columns import Column
 from server.store import studies as versions
 from server.store import ticks as tick_rows
 from server.store.displays import NO_VIOLATIONS, violations
+from server.store.episodes import is_misleading
 from server.store.studies import StudyVersion
 from server.store.tables import (
     answers,
@@ -249,7 +250,7 @@ def has_misleading(chosen: Selection) -> bool:
 
 def misleading() -> Any:
     """Return the condition of an episode that was made to mislead; older ones do not say."""
-    return func.coalesce(_e.spec["misleading"].as_boolean(), false()) == true()
+    return is_misleading() == true()
 
 
 def episode_ids(chosen: Selection) -> Iterator[str]:

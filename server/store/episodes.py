@@ -9,7 +9,7 @@ from itertools import zip_longest
 from typing import Any, Final
 
 import msgspec
-from sqlalchemy import Connection, bindparam, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, bindparam, false, func, or_, select, update
 
 from server.play.episode_spec import EpisodeSpec
 from server.play.recorder import (
@@ -75,6 +75,11 @@ class BrokenEpisode(Exception):
 
 
 _COLUMNS = [episodes.c[name] for name in StoredEpisode.__dataclass_fields__]
+
+
+def is_misleading() -> ColumnElement[bool]:
+    """Return whether an episode's marks were made to mislead; the specification of older ones does not say."""
+    return func.coalesce(episodes.c.spec["misleading"].as_boolean(), false())
 
 
 def create(connection: Connection, new: NewEpisode) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, and_, case, false, func, or_, select
 
+from server.store.episodes import is_misleading
 from server.store.events import ATTENTION_SCREENED_OUT
 from server.store.participants import label
 from server.store.tables import answers, episodes, events, exclusions, participants, ticks, withdrawals
@@ -58,6 +59,7 @@ class Played:
     agent: str
     layout: str
     shown: str
+    misleading: bool
     seat: int  # of the participant
     status: str
     end_reason: str | None
@@ -191,7 +193,8 @@ def _played(
     query = select(
         _e.id, _e.study_id, _p.id.label("participant_id"), _p.number, _p.simulated, _p.condition, _p.seed, _e.kind,
         _e.number.label("episode"), named.label("agent"), _e.layout,
-        _e.shown, case((_e.participant_0 == _p.id, 0), else_=1).label("seat"), _e.status, _e.end_reason, _e.score,
+        _e.shown, is_misleading().label("misleading"),
+        case((_e.participant_0 == _p.id, 0), else_=1).label("seat"), _e.status, _e.end_reason, _e.score,
         _e.started_at, _e.ended_at,
     )  # fmt: skip
     query = query.join_from(episodes, participants, or_(_e.participant_0 == _p.id, _e.participant_1 == _p.id))

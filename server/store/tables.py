@@ -118,7 +118,12 @@ episodes = Table(
     column("predictor", KEY, nullable=True, meaning="Predictor that ran at every timestep, shown or not."),
     column("predictor_sha256", SHA256, nullable=True, meaning="Hash of the predictor's weights."),
     column("watched_seat", SmallInteger, meaning="Seat whose next actions are predicted."),
-    column("shown", String(16), meaning="What the participant saw: nothing, predictor or random."),
+    column(
+        "shown",
+        String(16),
+        meaning="Source of the marks: nothing, predictor or random. If `spec` says `misleading`, they were wrong on "
+        "purpose.",
+    ),
     column("seed", BigInteger, meaning="63-bit seed of all randomness in the episode."),
     column("horizon", Integer, meaning="Timesteps to play; 0: endless.", unit="timesteps"),
     column("tick_ms", Integer, meaning="Length of a timestep.", unit="ms"),

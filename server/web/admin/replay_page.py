@@ -43,7 +43,7 @@ async def page(request: Request, name: str, admin: WatchDep, services: ServicesD
         game=game,
         label=who(game),
         arm="" if admin.blind else game.condition,
-        shown="" if admin.blind else game.shown,
+        shown="" if admin.blind else "misleading" if game.misleading else game.shown,
         layout=titles.get(game.layout, game.layout),
         others=[one for one in mine if one.started_at is not None],
         is_live=live.games.get(game.id) is not None or await live.peer_plays(game),

@@ -1,15 +1,19 @@
 """A researcher's pages over real HTTP: access, roles, hidden data, the audit log."""
 
+import dataclasses
 import re
 from datetime import UTC, datetime
 from xml.etree import ElementTree
 
+import msgspec
+import pytest
 from msgspec import structs
 
 from overcooked.constants import STAY
 from server.monitoring.enrolment_flow import flow_of, stock
 from server.play.recorder import EpisodeResult, InputRecord, PauseRecord
 from server.store import audit, decisions, episodes, inputs, overview, participants
+from server.store.tables import metadata
 from tests.support.page_site import PageSite, Visitor
 from tests.support.researcher_site import played, signed_in
 
@@ -77,6 +81,23 @@ def test_a_replay_shows_whether_every_state_is_the_stored_one(site: PageSite) ->
     forged = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()["checked"]
     assert not forged["equal"]
     assert "timestep 7" in forged["difference"]
+
+
+@pytest.mark.parametrize(("misleading", "words"), [(True, "misleading marks"), (False, "the prediction")])
+def test_a_replay_says_whether_the_participant_saw_misleading_marks(
+    site: PageSite, misleading: bool, words: str
+) -> None:
+    episode = played(site)
+    loaded = site.database.read_now(episodes.load, episode)
+    assert loaded is not None
+    changed = dataclasses.replace(loaded.spec, shown="predictor", misleading=misleading)
+    values = {"shown": "predictor", "spec": msgspec.to_builtins(changed)}
+    site.database.write_now(lambda connection: connection.execute(metadata.tables["episodes"].update().values(values)))
+    researcher = signed_in(site, "act")
+    page = f"/admin/s/small/game/{episode}"
+    assert "participant saw" not in researcher.get(page).text, "blind"
+    researcher.post("/admin/blind", blind="off")
+    assert f"participant saw: {words}" in " ".join(researcher.get(page).text.split())
 
 
 def test_a_replay_has_every_input_at_its_timestep_with_what_became_of_it(site: PageSite) -> None:
