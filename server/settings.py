@@ -36,7 +36,12 @@ class Settings(BaseSettings):
     """Every setting has a default for local use; `mode = production` refuses unsafe values."""
 
     model_config = SettingsConfigDict(
-        env_prefix="KITCHENMIND_", env_file=".env", frozen=True, extra="ignore", hide_input_in_errors=True
+        env_prefix="KITCHENMIND_",
+        env_file=".env",
+        env_ignore_empty=True,  # docker-compose.yml passes each setting that .env leaves out as an empty one
+        frozen=True,
+        extra="ignore",
+        hide_input_in_errors=True,
     )
 
     mode: Literal["local", "production"] = "local"

@@ -1,7 +1,7 @@
 """The container set-up: a valid compose file that does not start without its secrets."""
 
-import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -14,6 +14,7 @@ from server.settings import Settings
 
 ROOT = Path(__file__).parent.parent
 SECRETS = {"POSTGRES_PASSWORD": "a", "KITCHENMIND_SECRET": "b", "KITCHENMIND_PUBLIC_URL": "https://lab.example.org"}
+STRONG = SECRETS | {"KITCHENMIND_SECRET": "kVx2-9TbQfLz7WmRs4cYhJp3nGd8uEaC"}
 
 
 def compose(environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
@@ -40,25 +41,71 @@ def test_compose_file_is_refused_without_a_secret(missing: str) -> None:
     assert "set it in .env" in refused.stderr
 
 
-def test_compose_file_is_the_set_up_of_several_processes() -> None:
+def given(environment: dict[str, str]) -> dict[str, str]:
+    """The server's variables as compose fills them in from an environment."""
     services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
-    given = {
-        name.removeprefix("KITCHENMIND_").lower(): value for name, value in services["server"]["environment"].items()
+
+    def filled(found: re.Match[str]) -> str:
+        return environment.get(found["name"]) or found["default"] or ""
+
+    pattern = r"\$\{(?P<name>\w+)(?::-(?P<default>[^}]*)|:\?[^}]*)\}"
+    return {name: re.sub(pattern, filled, value) for name, value in services["server"]["environment"].items()}
+
+
+def test_compose_passes_every_setting_or_it_makes_no_sense_in_a_container() -> None:
+    elsewhere = {
+        "host",
+        "port",
+        "data",
+        "speed",
+        "patience_s",
+    }  # the image's command and volume; simulated participants
+    passed = {name.removeprefix("KITCHENMIND_").lower() for name in given({}) if name.startswith("KITCHENMIND_")}
+    assert passed | elsewhere == set(Settings.model_fields)
+    assert not passed & elsewhere
+
+
+def test_what_the_env_file_leaves_out_keeps_its_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in given(STRONG).items():
+        monkeypatch.setenv(name, value)
+    settings, plain = Settings(_env_file=None), Settings.model_construct()
+    for name in (
+        "model_workers",
+        "models_folder",
+        "new_per_address",
+        "stop_within_s",
+        "metrics_token",
+        "alert_webhook",
+    ):
+        assert getattr(settings, name) == getattr(plain, name), name
+
+
+def test_what_the_env_file_says_reaches_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = {
+        "MODEL_WORKERS": "3",
+        "STOP_WITHIN_S": "60",
+        "NEW_PER_ADDRESS": "0",
+        "ALERT_WEBHOOK": "https://chat.example.org",
     }
-    own = {name: value for name, value in given.items() if name in Settings.model_fields}
-    studies = json.loads(own.pop("studies").partition(":-")[2].removesuffix("}"))
-    assert all((ROOT / study).is_file() for study in studies)
-    filled = own | {
-        "studies": studies,
-        "workers": 2,
-        "secret": "kVx2-9TbQfLz7WmRs4cYhJp3nGd8uEaC",
-        "public_url": "https://lab.example.org",
-        "trusted_proxies": own["trusted_proxies"].partition(":-")[2].removesuffix("}"),
-        "new_per_address": own["new_per_address"].partition(":-")[2].removesuffix("}"),
-    }
-    settings = Settings(**filled, _env_file=None)
+    for name, value in given(STRONG | {f"KITCHENMIND_{name}": value for name, value in own.items()}).items():
+        monkeypatch.setenv(name, value)
+    settings = Settings(_env_file=None)
+    assert (settings.model_workers, settings.stop_within_s, settings.new_per_address) == (3, 60, 0)
+    assert settings.alert_webhook is not None
+    assert settings.alert_webhook.get_secret_value() == "https://chat.example.org"
+
+
+def test_compose_file_is_the_set_up_of_several_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    for name, value in given(STRONG).items():
+        monkeypatch.setenv(name, value)
+    settings = Settings(_env_file=None)
+    assert all((ROOT / study).is_file() for study in settings.studies)
+    assert settings.workers == 2
     (network,) = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["networks"]["default"]["ipam"]["config"]
-    assert network["subnet"] == own["trusted_proxies"], "who comes in by the gateway is the proxy, and nobody else"
+    assert network["subnet"] == services["server"]["environment"]["KITCHENMIND_TRUSTED_PROXIES"], (
+        "who comes in by the gateway is the proxy, and nobody else"
+    )
     assert settings.trusted_proxies == "172.28.57.0/24"
     assert settings.redis is not None
     assert settings.redis.get_secret_value().split("/")[2].split(":")[0] in services

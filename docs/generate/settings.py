@@ -37,8 +37,9 @@ def settings() -> str:
 HEAD: Final = """# Settings
 
 The server reads its settings from the environment, or from a file `.env` in the folder in which it starts. Options of
-`kitchenmind serve` take precedence. Every default is right for your own machine. With `KITCHENMIND_MODE=production`,
-the server refuses to start with unsafe settings. `kitchenmind doctor` checks them.
+`kitchenmind serve` take precedence, and an empty variable leaves a setting at its default. Every default is right for
+your own machine. With `KITCHENMIND_MODE=production`, the server refuses to start with unsafe settings. `kitchenmind
+doctor` checks them.
 
 `python -m docs.generate` writes this page from `server/settings.py`.
 
