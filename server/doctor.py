@@ -1,7 +1,9 @@
 """Check whether this machine is ready to serve: settings, secret, port, database, disk, studies, weights, TLS. It
-writes no file, starts nothing, and connects only to the database and the server's own public address.
+writes no file, starts nothing, and connects only to its port, the database and the server's own public address.
 """
 
+import http.client
+import json
 import os
 import shutil
 import socket
@@ -34,6 +36,7 @@ MIN_FREE_GB: Final = 1.0
 SOME_FREE_GB: Final = 5.0
 RENEW_DAYS: Final = 14
 PATIENCE_S: Final = 5.0
+_MAX_ANSWER_BYTES: Final = 1000
 Grade = Literal["good", "look", "bad"]
 
 
@@ -75,11 +78,29 @@ def _port(settings: Settings) -> Iterator[HealthFinding]:
     try:
         listen(settings.host, settings.port).close()
     except OSError as error:
-        yield HealthFinding("port", "bad", str(error))
+        if _serves(settings.host, settings.port):
+            place = f"{settings.host}:{settings.port}"
+            yield HealthFinding("port", "good", f"a kitchenmind server is already running at {place}")
+        else:
+            yield HealthFinding("port", "bad", str(error))
     else:
         yield HealthFinding(
             "port", "good", f"{settings.host}:{settings.port} is free" if settings.port else "any free one"
         )
+
+
+def _serves(host: str, port: int) -> bool:
+    """Return whether a server of this project answers there."""
+    here = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)  # noqa: S104 what listens everywhere also listens here
+    connection = http.client.HTTPConnection(here, port, timeout=PATIENCE_S)
+    try:
+        connection.request("GET", "/health/live")
+        answer = json.loads(connection.getresponse().read(_MAX_ANSWER_BYTES))
+    except (OSError, http.client.HTTPException, ValueError):
+        return False
+    finally:
+        connection.close()
+    return isinstance(answer, dict) and answer.get("server") == "kitchenmind"
 
 
 def _database(settings: Settings) -> Iterator[HealthFinding]:

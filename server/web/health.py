@@ -111,8 +111,8 @@ class Commits:
 
 @router.get("/health/live")
 async def live() -> dict[str, str]:
-    """Return that the process answers."""
-    return {"status": "alive"}
+    """Return that the process answers, and that it is of this project (`kitchenmind doctor` asks)."""
+    return {"status": "alive", "server": "kitchenmind"}
 
 
 @router.get("/health/ready")

@@ -1,11 +1,14 @@
 """`kitchenmind doctor`: every check passes on a good machine, and names the remedy otherwise."""
 
+import json
 import shutil
 import socket
 import ssl
 import subprocess
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import psycopg
@@ -17,6 +20,7 @@ from server import doctor, required_models
 from server.settings import ROOT
 from server.store.database import Database
 from server.store.migrate import migrate
+from server.web import health
 from tests.support.postgres_server import PostgresServer
 
 STUDY = ROOT / "tests" / "data" / "small_study.yaml"
@@ -50,13 +54,49 @@ def test_all_checks_pass_on_a_healthy_machine(where: Path, capsys: pytest.Captur
     assert list(where.iterdir()) == [where / "secret"], "it looks, and makes nothing"
 
 
-def test_a_port_that_is_taken_is_named(where: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_that_is_taken_is_named(
+    where: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor, "PATIENCE_S", 0.2)  # who has the port never answers
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         code, said = run("--port", str(port), capsys=capsys)
     assert code == 1
     assert said["port"].startswith(f"BAD cannot listen on 127.0.0.1:{port}")
     assert "--port" in said["port"]
+
+
+@contextmanager
+def answering(body: bytes) -> Iterator[int]:
+    """A server that gives every request this answer, on the port."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_: object) -> None: ...
+
+    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server.server_port
+        server.shutdown()
+
+
+async def test_a_port_on_which_our_server_runs_is_fine(where: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with answering(json.dumps(await health.live()).encode()) as port:
+        code, said = run("--port", str(port), capsys=capsys)
+    assert (code, said["port"]) == (0, f"ok a kitchenmind server is already running at 127.0.0.1:{port}")
+
+
+@pytest.mark.parametrize("body", [b'{"status": "alive"}', b"[1]", b"hello", b"{" * 5000])
+def test_a_port_on_which_another_server_answers_is_taken(
+    where: Path, capsys: pytest.CaptureFixture[str], body: bytes
+) -> None:
+    with answering(body) as port:
+        code, said = run("--port", str(port), capsys=capsys)
+    assert (code, said["port"].split()[0]) == (1, "BAD")
 
 
 def test_a_secret_that_others_can_read_is_refused(where: Path, capsys: pytest.CaptureFixture[str]) -> None:

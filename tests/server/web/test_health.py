@@ -26,7 +26,7 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
 
 
 def test_a_server_that_can_play_is_alive_and_ready(live: LiveServer) -> None:
-    assert httpx.get(f"{live.url}/health/live").json() == {"status": "alive"}
+    assert httpx.get(f"{live.url}/health/live").json() == {"status": "alive", "server": "kitchenmind"}
     answer = httpx.get(f"{live.url}/health/ready")
     assert (answer.status_code, answer.json()) == (200, {"ready": True, "missing": []})
 
