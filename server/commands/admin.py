@@ -17,21 +17,25 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 T = TypeVar("T")
-_ROLES = "watch: see; act: also intervene; own: also accounts"
+_ROLES = "watch: see; act: also intervene; own: also accounts, kitchens and studies"
+_NAMES = ("watch", "act", "own")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_data_options(parser)
-    verbs = parser.add_subparsers(dest="admin_verb", required=True, metavar="create|reset|remove|list")
+    verbs = parser.add_subparsers(dest="admin_verb", required=True, metavar="create|role|reset|remove|list")
     create = verbs.add_parser("create", help="create an account; asks for a password, or makes one")
     create.add_argument("name", help="the name to sign in with")
-    create.add_argument("--role", choices=("watch", "act", "own"), default="own", help=f"{_ROLES} (own)")
+    create.add_argument("--role", choices=_NAMES, default="own", help=f"{_ROLES} (own)")
+    role = verbs.add_parser("role", help="give an account another role and sign it out everywhere")
+    role.add_argument("name", help="the account")
+    role.add_argument("role", choices=_NAMES, help=_ROLES)
     reset = verbs.add_parser("reset", help="set a new password and sign the account out everywhere")
     reset.add_argument("name", help="the account")
     remove = verbs.add_parser("remove", help="delete an account; the audit log keeps its actions")
     remove.add_argument("name", help="the account")
     accounts = verbs.add_parser("list", help="list all accounts")
-    for each in (create, reset, remove, accounts):
+    for each in (create, role, reset, remove, accounts):
         add_data_options(each, default=argparse.SUPPRESS)
 
 
@@ -96,26 +100,35 @@ def _do(accounts: Accounts, arguments: argparse.Namespace) -> list[str]:
     if verb != "create" and not there:
         raise _nobody(name)
     if verb == "remove":
-        accounts.write(_change, verb, name, lambda connection: admins.remove(connection, name))
+        accounts.write(_change, verb, {"name": name}, lambda connection: admins.remove(connection, name))
         return [f"{name}: removed"]
+    if verb == "role":
+        detail = {"name": name, "role": arguments.role}
+        accounts.write(_change, verb, detail, lambda connection: admins.set_role(connection, name, arguments.role))
+        return [f"{name}: has the role {arguments.role}, and signs in again"]
     from server.web.passwords import hashed
 
     password, made = _password(name)
     stored = hashed(password)
+    detail = {"name": name}
     if verb == "create":
-        accounts.write(_change, verb, name, lambda connection: admins.create(connection, name, stored, arguments.role))
+        accounts.write(
+            _change, verb, detail, lambda connection: admins.create(connection, name, stored, arguments.role)
+        )
     else:
-        accounts.write(_change, verb, name, lambda connection: admins.set_password(connection, name, stored))
+        accounts.write(_change, verb, detail, lambda connection: admins.set_password(connection, name, stored))
     return [f"{name}: can sign in at /admin", *([f"password: {password}\nIt is not shown again."] if made else [])]
 
 
-def _change(connection: "Connection", verb: str, name: str, change: "Callable[[Connection], bool | None]") -> None:
+def _change(
+    connection: "Connection", verb: str, detail: dict[str, str], change: "Callable[[Connection], bool | None]"
+) -> None:
     """Change an account and add the audit entry. Raises ValueError if the account was deleted in the meantime."""
     from server.store import audit
 
     if change(connection) is False:
-        raise _nobody(name)
-    audit.add(connection, "command line", f"admin {verb}", {"name": name})
+        raise _nobody(detail["name"])
+    audit.add(connection, "command line", f"admin {verb}", detail)
 
 
 def _nobody(name: str) -> ValueError:
@@ -137,7 +150,7 @@ def _password(name: str) -> tuple[str, bool]:
 
     weak = weakness(typed, name)
     if weak is not None:
-        raise ValueError(f"not this password: {weak}. An empty one makes a good one.")
+        raise ValueError(f"not this password: {weak}. Leave it empty to generate one.")
     if getpass.getpass("Again: ") != typed:
         raise ValueError("the two were not the same")
     return typed, False

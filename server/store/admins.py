@@ -45,12 +45,16 @@ class NameTaken(ValueError):
 
 def create(connection: Connection, name: str, password_hash: str, role: str) -> None:
     """A new account. Raises NameTaken, ValueError for a role that is none."""
-    if role not in ROLES:
-        raise ValueError(f"{role!r} is not a role. Choose from {', '.join(ROLES)}.")
+    _check_role(role)
     if password_hash_of(connection, name) is not None:
         raise NameTaken(name)
     row = {"name": name, "password_hash": password_hash, "role": role, "created_at": datetime.now(UTC)}
     connection.execute(admins.insert().values(row))
+
+
+def _check_role(role: str) -> None:
+    if role not in ROLES:
+        raise ValueError(f"{role!r} is not a role. Choose from {', '.join(ROLES)}.")
 
 
 def every(connection: Connection) -> list[Admin]:
@@ -70,6 +74,14 @@ def set_password(connection: Connection, name: str, password_hash: str) -> bool:
     attempts.forget(connection, name)
     close_all(connection, name)
     return connection.execute(query).rowcount == 1
+
+
+def set_role(connection: Connection, name: str, role: str) -> bool:
+    """Give an account another role and sign it out everywhere, as an open session may show what the new role may not
+    see. False: no such account. Raises ValueError for a role that is none."""
+    _check_role(role)
+    close_all(connection, name)
+    return connection.execute(update(admins).where(admins.c.name == name).values(role=role)).rowcount == 1
 
 
 def remove(connection: Connection, name: str) -> bool:

@@ -50,6 +50,9 @@ async def session_of(connection: HTTPConnection) -> AdminSession | None:
     return session
 
 
+_ASK = "Ask whoever runs the server for it: they can run `kitchenmind admin role NAME ROLE`."
+
+
 def _needs(role: str) -> Callable[[Request], Coroutine[Any, Any, AdminSession]]:
     async def signed_in(request: Request) -> AdminSession:
         session = await session_of(request)
@@ -58,7 +61,7 @@ def _needs(role: str) -> Callable[[Request], Coroutine[Any, Any, AdminSession]]:
                 raise HTTPException(303, "sign in first", {"Location": f"{PATH}/login?next={quote(request.url.path)}"})
             raise HTTPException(401, "sign in first")
         if not session.may(role):
-            raise HTTPException(403, f"This needs the role {role}. An owner can give it to you.")
+            raise HTTPException(403, f"This needs the role {role}. {_ASK}")
         return session
 
     return signed_in

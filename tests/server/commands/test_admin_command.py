@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -113,3 +114,25 @@ def test_names_are_looked_up_before_anybody_is_asked(url: str, capsys: pytest.Ca
         assert database.read_now(admins.every) == []
         assert [entry.action for entry in database.read_now(audit.entries)] == ["admin create", "admin remove"]
         assert database.read_now(audit.first_forged) is None
+
+
+def test_an_account_gets_another_role_and_signs_in_again(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    token, now = "t" * 64, datetime.now(UTC)
+    with Database(url) as database:
+        database.write_now(admins.create, "mara", "a hash", "act")
+        database.write_now(admins.open_session, "mara", token, now)
+    assert kitchenmind.main(["admin", "--database", url, "role", "mara", "watch"]) == 0
+    assert capsys.readouterr().out == "mara: has the role watch, and signs in again\n"
+    with Database(url, read_only=True) as database:
+        assert [(one.name, one.role) for one in database.read_now(admins.every)] == [("mara", "watch")]
+        assert database.read_now(admins.session, token, now) is None, "it may show what a watcher may not see"
+        entry = database.read_now(audit.entries)[-1]
+        assert (entry.action, entry.detail) == ("admin role", {"name": "mara", "role": "watch"})
+
+
+def test_a_role_that_is_none_and_an_unknown_account_are_refused(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        kitchenmind.main(["admin", "--database", url, "role", "mara", "king"])
+    assert "watch" in capsys.readouterr().err
+    assert kitchenmind.main(["admin", "--database", url, "role", "nobody", "own"]) == 2
+    assert "there is no account 'nobody'" in capsys.readouterr().err
