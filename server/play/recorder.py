@@ -1,4 +1,4 @@
-"""The interface between the live game and the database. server.store.episodes implements it."""
+"""The interface between the live game and the database. server.store.store_recorder implements it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
