@@ -14,7 +14,7 @@ REASONS = {
     "active": "still taking part",
     "screened_out": "did not pass the checks",
     "withdrawn": WITHDRAWN,
-    "timed_out": "left without a word",
+    "timed_out": "not seen for too long",
     "returned": "returned the study",
 }
 

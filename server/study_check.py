@@ -159,7 +159,7 @@ def _grid_problem(study: Study, layout: Layout, model: str, required: RequiredMo
     if commands.is_taken:
         return Problem(place, reason, "Give this grid a name of its own, or name a model of this kitchen.")
     train = f": `{commands.agent(without_variant(model))}`{commands.note}" if "/" not in model else ""
-    remedy = "Give the own grid an own name, name a model of this kitchen, or train one for this grid"
+    remedy = "Give your grid a name of its own, name a model of this kitchen, or train one for this grid"
     return Problem(place, reason, f"{remedy}{train}.")
 
 
@@ -208,7 +208,7 @@ def _degraded_problems(required: RequiredModels) -> Iterator[Problem]:
         elif config.is_file():
             reached = json.loads(config.read_text("utf-8")).get("accuracy", {}).get("mean", 1.0)
             if float(wanted) > 100 * reached:
-                reason = f"{name} reaches {reached:.0%} on {layout}, so {wanted} % cannot be had by making it worse"
+                reason = f"{name} reaches {reached:.0%} on {layout}, so a degraded version cannot reach {wanted} %"
                 yield Problem(place, reason, f"Write `accuracy: {int(100 * reached) / 100}` or less.")
 
 

@@ -127,7 +127,7 @@ class DegradedPredictor:
         """`accuracy` as measured on unseen partners, `wanted` <= accuracy; both 0-1. Raises UnknownPredictor."""
         if wanted > accuracy:
             raise UnknownPredictor(
-                f"the predictor reaches {accuracy:.0%}; {wanted:.0%} cannot be had by making it worse."
+                f"the predictor reaches {accuracy:.0%}; a degraded version cannot reach {wanted:.0%}."
             )
         self._predictor = predictor
         self.memory = int(getattr(predictor, "memory", 1))

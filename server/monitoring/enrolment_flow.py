@@ -110,7 +110,7 @@ def _opened(arrived: Mapping[tuple[str, str], int], consented: int) -> list[Node
         return []
     lost = {word: arrived.get(("unsuitable", reason), 0) for reason, word in _UNSUITABLE.items()}
     lost["declined"] = arrived.get(("declined", ""), 0)
-    lost["left without a word"] = max(0, opened - consented - sum(lost.values()))
+    lost["left before consent, reason unknown"] = max(0, opened - consented - sum(lost.values()))
     return [{"name": "Opened the link", "reached": max(opened, consented), "here": 0, "lost": _some(lost)}]
 
 

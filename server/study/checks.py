@@ -108,7 +108,10 @@ def _names(study: Study) -> Iterator[Problem]:
         if language not in languages():
             reason = f"the platform itself has no words in {language!r}: its buttons will be English"
             made = f"`kitchenmind study words {language}` makes locales/{language}.yaml next to the study"
-            remedy = f"{made}, which you translate. For a draft of the dashboard, add the server's data folder to it."
+            remedy = (
+                f"{made}, which you translate. For a draft in the dashboard, append the server's data folder to the "
+                "command."
+            )
             yield Problem(("languages",), reason, remedy, warning=True)
     if len(set(study.languages)) < len(study.languages):
         yield Problem(("languages",), "a language is there twice", "Name each once.")

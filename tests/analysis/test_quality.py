@@ -102,7 +102,7 @@ def test_the_flow_adds_up_from_assignment_to_analysis(planted: Export) -> None:
     counts = {(row.unit, row.test, row.note): row.n for row in select(rows, condition="all")}
     assert counts[("people", "assigned", "")] == 49
     assert counts[("people", "left", exclusions.WITHDRAWN)] == 1
-    assert counts[("people", "left", "left without a word")] == 2
+    assert counts[("people", "left", "not seen for too long")] == 2
     assert counts[("people", "excluded", "helped by a friend")] == 1
     assert counts[("people", "analysed", "")] == 45
     out = sum(row.n for row in select(rows, condition="all", unit="people") if row.test in ("left", "excluded"))

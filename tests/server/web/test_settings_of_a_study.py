@@ -206,7 +206,7 @@ def test_questions_follow_the_condition_and_scales_have_their_points(site: PageS
     ("predictor", "message"),
     [
         ("my.module:Mine", "cannot be made worse"),
-        ("sp_predictor_stream", "so 90 % cannot be had by making it worse"),
+        ("sp_predictor_stream", "so a degraded version cannot reach 90 %"),
     ],
 )
 def test_a_predictor_that_cannot_be_made_worse_is_refused_before_the_study_runs(predictor: str, message: str) -> None:
