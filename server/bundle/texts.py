@@ -14,7 +14,7 @@ from server.bundle.state import State
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.definition import Study
 from server.study.factors import crossed
-from server.study.questionnaire import AnyQuestion
+from server.study.questionnaire import AnyQuestion, Questionnaire, QuestionPage
 from server.study.steps import steps
 
 USUAL_PEOPLE = 30  # of a condition without a quota
@@ -48,10 +48,11 @@ def allocation(study: Study, people: int) -> str:
 def questions(study: Study) -> str:
     """Return all questions in all languages, as Markdown."""
     lines = [f"# Questions of {study.name}"]
-    blocks = {**({"quiz": study.quiz} if study.quiz else {}), **study.questionnaires}
+    blocks: dict[str, QuestionPage] = {**({"quiz": study.quiz} if study.quiz else {}), **study.questionnaires}
     for key, block in blocks.items():
         after = ", after each episode" if key == study.after_episode else ""
-        only = f", only after {' or '.join(block.when.one_of)} to `{block.when.question}`" if block.when else ""
+        when = block.when if isinstance(block, Questionnaire) else None
+        only = f", only after {' or '.join(when.one_of)} to `{when.question}`" if when else ""
         lines += ["", f"## {key}{after}{only}", ""]
         for question in block.asks:
             lines += _question(study, question)

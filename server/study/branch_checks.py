@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from server.study.branching import When
 from server.study.checks import Path, Problem
-from server.study.definition import Study
+from server.study.definition import IN_QUIZ, Study
 from server.study.questionnaire import AnyQuestion, ChoiceQuestion, MultipleQuestion, ScaleQuestion
 
 
@@ -12,8 +12,9 @@ def branch_problems(study: Study) -> Iterator[Problem]:
     """Yield everything wrong with `when` in a study whose single values are valid."""
     for path, when, before in _branches(study):
         yield from _problems(study, (*path, "when"), when, before)
-    if study.quiz is not None and any(one is not None for one in (study.quiz.when, *_of_questions(study.quiz))):
-        yield Problem(("quiz",), "everybody takes the quiz, so `when` has no place in it", "Remove `when`.")
+    for index, of_question in enumerate(_of_questions(study.quiz)):
+        if of_question is not None:
+            yield Problem(("quiz", "questions", index, "when"), IN_QUIZ, "Remove `when`.")
     page = study.pages.get(study.debriefing or "")
     if page is not None and page.when is not None:
         place: Path = ("pages", str(study.debriefing), "when")

@@ -15,7 +15,7 @@ from server.study.questionnaire import (
     ChoiceQuestion,
     MultipleQuestion,
     PublishedScale,
-    Questionnaire,
+    QuestionPage,
     RankingQuestion,
     asked,
     questions_of,
@@ -160,7 +160,7 @@ def _conditions(study: Study) -> Iterator[Problem]:
             )
 
 
-def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterator[Problem]:
+def _questions(study: Study, questionnaire: QuestionPage, path: Path) -> Iterator[Problem]:
     taken: set[str] = set()
     conditions = {condition.name for condition in (*study.conditions, *study.displays)}
     for index, question in enumerate(questionnaire.questions):

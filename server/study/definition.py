@@ -1,8 +1,10 @@
 """The content of a study file, as frozen models."""
 
-from typing import Annotated, Any, Literal, TypeVar
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from overcooked.other_names import bundled_name
 from server.study.analysis_plan import PrimaryTest, SmallestEffect
@@ -13,7 +15,7 @@ from server.study.consent import Consent, TextPage
 from server.study.factors import Cells, Conditions, Factors
 from server.study.locale import languages, locale
 from server.study.pinned_checkpoints import Checkpoints
-from server.study.questionnaire import AnyQuestion, Key, Questionnaire
+from server.study.questionnaire import AnyQuestion, Key, Questionnaire, QuestionPage
 from server.study.recruitment import Recruitment
 from server.study.strict_model import StrictModel
 from server.study.text import Text
@@ -158,11 +160,22 @@ class EntryChecks(StrictModel):
     """The largest median round trip, in milliseconds. Empty: not measured."""
 
 
-class Quiz(Questionnaire):
+IN_QUIZ: Final = "everybody takes the quiz, so `when` has no place in it"
+
+
+class Quiz(QuestionPage):
     """The comprehension check: every question with `correct` must be answered correctly."""
 
     attempts: Annotated[int, Field(ge=1)] | None = None
     """Screen a participant out after this many failed attempts. Empty: no limit."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _for_everybody(cls, values: Any) -> Any:
+        if isinstance(values, Mapping) and "when" in values:
+            context = {"key": "when", "reason": IN_QUIZ, "remedy": "Remove `when`."}
+            raise PydanticCustomError("unknown_key", "{reason}", context)
+        return values
 
 
 class AttentionChecks(StrictModel):

@@ -188,15 +188,13 @@ QuestionEntry = Annotated[
 ]
 
 
-class Questionnaire(StrictModel):
-    """A page of questions."""
+class QuestionPage(StrictModel):
+    """What the pages of a questionnaire and of the quiz have in common."""
 
     title: Text
     """The heading of the page."""
     lead: Text | None = None
     """A paragraph below the heading."""
-    when: When | None = None
-    """Show the page only after a certain answer on an earlier page. Empty: always."""
     questions: Annotated[tuple[QuestionEntry, ...], Field(min_length=1)]
     """The questions, in order."""
 
@@ -204,6 +202,13 @@ class Questionnaire(StrictModel):
     def asks(self) -> tuple[AnyQuestion, ...]:
         """The questions with the items of published scales in their places."""
         return tuple(question for entry in self.questions for question in questions_of(entry))
+
+
+class Questionnaire(QuestionPage):
+    """A page of questions."""
+
+    when: When | None = None
+    """Show the page only after a certain answer on an earlier page. Empty: always."""
 
 
 def questions_of(entry: "QuestionEntry") -> tuple[AnyQuestion, ...]:

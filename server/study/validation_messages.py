@@ -62,7 +62,8 @@ def _problem(error: Any, nearest: Callable[[Path], Path]) -> Problem:
     context = error.get("ctx", {})
     kind, message = error["type"], error["msg"]
     if kind == "unknown_key":
-        return Problem((*nearest(path), context["key"]), f"unknown key {context['key']!r}", context["remedy"])
+        reason = context.get("reason", f"unknown key {context['key']!r}")
+        return Problem((*nearest(path), context["key"]), reason, context["remedy"])
     if kind == "missing":
         return Problem(nearest(path[:-1]), f"{path[-1]!r} is missing here", f"Add `{path[-1]}: ...`.")
     if kind == "value_error":

@@ -2,8 +2,10 @@
 
 import pytest
 
+from server.settings import ROOT
 from server.study.branching import When
 from server.study.loader import StudyError, parse_study
+from server.study.schema import study_schema
 from tests.support.study_text import BRANCHED
 
 
@@ -44,7 +46,12 @@ WRONG = [
     (
         "  attempts: 3\n",
         "  attempts: 3\n  when: {question: mood, one_of: [1]}\n",
-        "quiz: everybody takes the quiz, so `when` has no place in it. Remove `when`.",
+        "quiz.when: everybody takes the quiz, so `when` has no place in it. Remove `when`.",
+    ),
+    (
+        "      correct: three\n",
+        "      correct: three\n      when: {question: mood, one_of: [1]}\n",
+        "quiz.questions.0.when: everybody takes the quiz, so `when` has no place in it. Remove `when`.",
     ),
     (
         "after_episode: after\n",
@@ -76,3 +83,10 @@ def test_a_conditional_question_is_not_a_primary_measure() -> None:
     with pytest.raises(StudyError) as caught:
         parse_study(text + "primary: {comparison: [with, without], measure: partner}\n")
     assert "'partner' is not measured after every episode in both conditions" in caught.value.lines[0]
+
+
+def test_neither_the_schema_nor_the_reference_offers_a_quiz_for_some() -> None:
+    assert "when" not in study_schema()["$defs"]["Quiz"]["properties"]
+    page = (ROOT / "docs" / "reference" / "study_keys" / "questionnaires.md").read_text("utf-8")
+    assert "`quiz.when`" not in page
+    assert "## `questionnaires.NAME.when`" in page
