@@ -25,6 +25,6 @@ def kitchen(layout: str | Path | Layout, horizon: int = HORIZON, render_mode: st
     except ModuleNotFoundError as error:
         if error.name not in _NEEDED:
             raise
-        remedy = "pip install 'kitchenmind[training]'"
+        remedy = f"pip install {' '.join(_NEEDED)}"
         raise ModuleNotFoundError(f"kitchenmind.kitchen needs {error.name}: {remedy}.", name=error.name) from None
     return KitchenEnv(layout if isinstance(layout, Layout) else load_layout(layout), horizon, render_mode)

@@ -72,7 +72,7 @@ def test_a_kitchen_is_the_pettingzoo_environment(layout: object) -> None:
 def test_a_kitchen_without_pettingzoo_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "overcooked.pettingzoo_env", raising=False)
     monkeypatch.setitem(sys.modules, "pettingzoo", None)
-    with pytest.raises(ModuleNotFoundError, match=r"needs pettingzoo: pip install 'kitchenmind\[training\]'"):
+    with pytest.raises(ModuleNotFoundError, match="needs pettingzoo: pip install gymnasium pettingzoo"):
         kitchenmind.kitchen("coordination_ring")
 
 
