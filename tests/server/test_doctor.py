@@ -70,7 +70,7 @@ def test_a_port_that_is_taken_is_named(
 def answering(body: bytes) -> Iterator[int]:
     """A server that gives every request this answer, on the port."""
 
-    class Handler(BaseHTTPRequestHandler):
+    class FixedAnswer(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.send_response(200)
             self.end_headers()
@@ -78,7 +78,7 @@ def answering(body: bytes) -> Iterator[int]:
 
         def log_message(self, *_: object) -> None: ...
 
-    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+    with HTTPServer(("127.0.0.1", 0), FixedAnswer) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield server.server_port
         server.shutdown()
