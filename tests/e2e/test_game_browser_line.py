@@ -3,9 +3,21 @@
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 
-from server.play.messages import ClientError, Countdown, Hello, Notice, Paused, Ping, Pong, Ready, Superseded
+from server.play.messages import (
+    ClientError,
+    Countdown,
+    Ended,
+    Hello,
+    Notice,
+    Paused,
+    Ping,
+    Pong,
+    Ready,
+    Superseded,
+    Waiting,
+)
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import opened, settled, start
 
@@ -115,6 +127,68 @@ def test_a_server_that_falls_silent_is_noticed(chromium: Browser, server: FakeGa
         assert page.inner_text("#banner-title") == "Waiting for the server"
         server.send(tick(kitchen(t=2)))
         expect(page.locator("#banner")).to_be_hidden()
+
+
+@pytest.mark.parametrize("phase", ["room", "ready", "paused", "countdown"])
+def test_a_dead_line_is_given_up_in_every_phase(chromium: Browser, server: FakeGameServer, phase: str) -> None:
+    first = {"room": [Waiting(60.0)], "ready": [], "paused": [Paused("researcher", 0.0)], "countdown": [Countdown(600)]}
+    server.on_hello = lambda _: [*([] if phase == "room" else [welcome()]), *first[phase]]
+    with opened(chromium, server) as page:
+        quick(page)
+        page.wait_for_selector(f"[data-phase={phase}]")
+        server.mute = True
+        page.clock.run_for(8000)
+        page.wait_for_selector("#banner:visible")
+        server.mute = False
+        server.wait_for(lambda server: server.hellos == 3)  # the page was loaded twice
+
+
+def test_a_line_that_is_never_let_in_is_given_up(chromium: Browser, server: FakeGameServer) -> None:
+    server.mute = True
+    with opened(chromium, server) as page:
+        quick(page)
+        server.wait_for(lambda server: server.hellos == 2)
+        page.clock.run_for(8000)
+        server.wait_for(lambda server: server.hellos == 3)
+
+
+def test_a_participant_who_comes_back_to_a_dead_line_need_not_wait(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        quick(page)
+        page.wait_for_selector("[data-phase=ready]")
+        server.mute = True
+        page.clock.fast_forward(5500)
+        server.mute = False
+        page.evaluate("window.dispatchEvent(new Event('focus'))")
+        server.wait_for(lambda server: server.hellos == 3)
+
+
+def test_a_page_that_stood_still_keeps_its_line(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        quick(page)
+        page.wait_for_selector("[data-phase=ready]")
+        page.clock.fast_forward(60_000)  # its timers run late, and so do the messages
+        pings = page.evaluate("performance.now()")
+        page.wait_for_function("(then) => performance.now() > then + 2500", arg=pings)
+        assert server.hellos == 2
+
+
+def test_the_line_of_a_game_that_is_over_may_be_silent(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        quick(page)
+        start(page, server)
+        server.send(Ended(20, 1, 0.0, True, "/blank", "horizon"))
+        page.wait_for_selector("#over:visible")
+        server.mute = True
+        page.clock.run_for(20_000)
+        assert server.hellos == 2
+
+
+def quick(page: Page) -> None:
+    """Load the page again, with a clock that the test can move on."""
+    page.wait_for_selector("[data-link=open], [data-link=connecting]")
+    page.clock.install()
+    page.reload()
 
 
 @pytest.mark.parametrize(

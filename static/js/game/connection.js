@@ -5,7 +5,7 @@ import { hello, parse, pong } from './messages.js';
 
 const FIRST_RETRY_MS = 150;
 const MAX_RETRY_MS = 2000;
-const SILENCE_MS = 5000; // a socket that is silent longer while ticks or pings are due counts as lost
+const SILENCE_MS = 5000; // a socket that is silent longer counts as lost: a ping is due every second, in every phase
 
 /** @typedef {'superseded' | 'closed' | 'no_game'} FinalLink no_game: the participant's step is another page now */
 /**
@@ -14,7 +14,6 @@ const SILENCE_MS = 5000; // a socket that is silent longer while ticks or pings 
  * @property {(link: FinalLink | 'lost', code: number) => void} link
  * @property {(error: unknown) => void} problem
  * @property {() => number} lastTimestep
- * @property {() => boolean} expectsNews whether the server should be sending something now
  */
 
 /**
@@ -68,6 +67,8 @@ export class Connection {
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
     this.heardMs = 0;
+    /** Whether the socket was silent for too long when it was last looked at. */
+    this.suspected = false;
     /** @type {FinalLink | null} */
     this.final = null;
     window.addEventListener('online', () => this.reconnectNow());
@@ -83,6 +84,7 @@ export class Connection {
     const socket = new WebSocket(this.url);
     this.socket = socket;
     this.heardMs = performance.now();
+    this.suspected = false;
     socket.addEventListener('open', () => this.send(hello(this.tab, this.on.lastTimestep())));
     socket.addEventListener('message', (event) => this.#receive(event.data));
     socket.addEventListener('close', (event) => {
@@ -100,8 +102,9 @@ export class Connection {
     return true;
   }
 
-  /** Try again at once instead of at the next due time. */
+  /** Try again at once instead of at the next due time, also if the socket has been silent for too long. */
   reconnectNow() {
+    if (this.#isSilent()) this.drop();
     if (!this.final && !this.socket) this.open();
   }
 
@@ -163,7 +166,18 @@ export class Connection {
     this.attempt += 1;
   }
 
+  /** Whether the server should have sent something, or let the socket in, long ago. */
+  #isSilent() {
+    return this.socket !== null && !this.final && performance.now() - this.heardMs > SILENCE_MS;
+  }
+
+  /**
+   * Drop a socket that is silent twice in a row: where the page stood still (a tab in the background, a suspended
+   * machine), this may run before the messages that arrived in the meantime.
+   */
   #watch() {
-    if (this.socket && this.on.expectsNews() && performance.now() - this.heardMs > SILENCE_MS) this.drop();
+    const silent = this.#isSilent();
+    if (silent && this.suspected) this.drop();
+    else this.suspected = silent;
   }
 }

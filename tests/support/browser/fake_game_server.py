@@ -104,6 +104,7 @@ class FakeGameServer:
         self.welcome: Outgoing | None = welcome()
         self.on_hello: Callable[[Hello], list[Outgoing]] | None = None
         self.refusing = False  # no websocket is let in
+        self.mute = False  # it sends nothing by itself, as through a dead line
         self.hellos = 0
         self._connection: ServerConnection | None = None
 
@@ -169,7 +170,7 @@ class FakeGameServer:
     async def _play(self, connection: ServerConnection) -> None:
         self._connection = connection
         received = self.received  # the last words of a page that is gone do not belong to the next test
-        alive = asyncio.create_task(_stay_alive(connection))
+        alive = asyncio.create_task(self._stay_alive(connection))
         try:
             async for frame in connection:
                 message = decode(frame)
@@ -178,13 +179,22 @@ class FakeGameServer:
                 received.append(message)
                 if isinstance(message, Hello):
                     self.hellos += 1
-                    await self._send(
-                        self.on_hello(message) if self.on_hello else [self.welcome] if self.welcome else []
-                    )
+                    await self._greet(message)
         except ConnectionClosed:
             pass
         finally:
             alive.cancel()
+
+    async def _greet(self, hello: Hello) -> None:
+        if not self.mute:
+            await self._send(self.on_hello(hello) if self.on_hello else [self.welcome] if self.welcome else [])
+
+    async def _stay_alive(self, connection: ServerConnection) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                await asyncio.sleep(1)
+                if not self.mute:
+                    await connection.send(encode(ALIVE).decode())
 
     async def _send(self, outgoing: Any) -> None:
         assert self._connection is not None
@@ -210,13 +220,6 @@ class FakeGameServer:
         return (
             templates().get_template("participant/game.html").render(t=words, game={"socket": "/socket", **self.page})
         )
-
-
-async def _stay_alive(connection: ServerConnection) -> None:
-    with contextlib.suppress(ConnectionClosed):
-        while True:
-            await asyncio.sleep(1)
-            await connection.send(encode(ALIVE).decode())
 
 
 def _port(server: Server) -> int:
