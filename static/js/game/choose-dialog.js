@@ -15,6 +15,8 @@ import { isStarted } from '../board/state.js';
 
 const LOST_AFTER_MS = 700; // the first connection of a page may take this long before the page mentions it
 const SILENT_TICKS = 6;
+/** Pauses in which nobody's absence counts. */
+const SERVER_REASONS = new Set(['database', 'researcher']);
 /** Pauses that the participant ends. */
 const OWN_REASONS = new Set(['hidden', 'blur', 'lost', 'other_tab', 'server']);
 
@@ -79,8 +81,18 @@ function pauseDialog({ pause }, now) {
  * @param {State} state
  * @param {number} now
  */
-function secondsUntilEnd({ awayLimitS: limit, linkSinceMs }, now) {
-  return limit ? Math.max(0, Math.ceil(limit - (now - linkSinceMs) / 1000)) : null;
+function secondsUntilEnd(state, now) {
+  const { awayLimitS: limit, linkSinceMs } = state;
+  return limit && absenceCounts(state) ? Math.max(0, Math.ceil(limit - (now - linkSinceMs) / 1000)) : null;
+}
+
+/**
+ * Whether the game ends if the participant is away for too long: not before it starts, nor in a pause of the server.
+ * @param {State} state
+ */
+function absenceCounts({ phase, pause, game }) {
+  if (phase === 'paused') return !(pause && SERVER_REASONS.has(pause.reason));
+  return phase === 'countdown' || phase === 'playing' || (phase === 'ready' && game !== null && game.resumed);
 }
 
 /**

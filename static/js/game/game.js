@@ -21,8 +21,8 @@ import { Connection, tabName } from './connection.js';
 import { Dialogs } from './dialogs.js';
 import { flyDeliveries } from './flying-points.js';
 import { Hud } from './hud.js';
-import { InputPacer, Keys } from './input.js';
-import { listenToKeyboard, watchPresence } from './keyboard.js';
+import { InputPacer, Keys, releaseAll } from './input.js';
+import { absence, listenToKeyboard, watchPresence } from './keyboard.js';
 import { storedBindings } from './keys-dialog.js';
 import { MarksControl } from './marks-control.js';
 import { MarksHelp } from './marks-help.js';
@@ -66,6 +66,7 @@ const lessonKeyCaps = () => ownKeys.caps();
 const pacer = new InputPacer(press);
 /** @param {Change} change */
 const changed = (change) => pacer.change(change);
+const releaseKeys = () => releaseAll(keys, pacer);
 const renderer = new Renderer(
   find('canvas.board', HTMLCanvasElement, page),
   new Sprites(config.sprites),
@@ -109,7 +110,6 @@ const connection = new Connection(new URL(config.socket, location.href.replace(/
   link: linkChanged,
   problem: (error) => report(error),
   lastTimestep: () => state.current?.t ?? -1,
-  expectsNews: () => state.phase === 'playing',
 });
 const report = reportClientErrors((message) => connection.send(message));
 
@@ -140,6 +140,8 @@ function receive(message) {
   if (message.type === 'tick') tick(now);
   if (message.type === 'ended') sound.play('over');
   if (message.type === 'notice') notice.show(message.text);
+  const reason = message.type === 'countdown' ? absence() : null;
+  if (reason) left(reason); // the game must not begin with nobody there, even if no event told that they left
 }
 
 /** @param {number} now */
@@ -162,13 +164,6 @@ function linkChanged(link) {
   change(applyLink(state, link === 'no_game' ? reloadOnce() : link, performance.now()));
 }
 
-/** Release all keys; return what to tell the server about it, or null. */
-function releaseKeys() {
-  const waited = pacer.clear();
-  const none = keys.marksOnDemand ? { held: null, tap: null, marks: false } : { held: null, tap: null };
-  return keys.clear() ?? (waited ? none : null);
-}
-
 /** @param {Wire.Welcome} message */
 function welcome(message) {
   keys.marksOnDemand = message.show !== 'always';
@@ -176,7 +171,7 @@ function welcome(message) {
   change(state);
   const onReadyPage = message.kind === 'episode' && !message.resumed && config.ready_page && !state.alone;
   const pressedStart = startedEpisode === message.episode || onReadyPage;
-  if (pressedStart && document.hasFocus() && !document.hidden) start();
+  if (pressedStart && !absence()) start();
 }
 
 /** The participant pressed start or came back. */
@@ -198,6 +193,11 @@ function inPlay() {
   return state.link === 'open' && ['playing', 'countdown'].includes(state.phase);
 }
 
+/** Whether an absence counts: the participant has pressed start, and the game is not over. It may be paused. */
+function hasStarted() {
+  return state.link === 'open' && startedEpisode === state.game?.episode && state.phase !== 'ended';
+}
+
 function controlsChef() {
   return inPlay() && state.game !== null && state.game.seat >= 0;
 }
@@ -211,7 +211,7 @@ function gameHasFocus() {
 /** @param {Wire.Away['reason']} reason */
 function left(reason) {
   const change = releaseKeys();
-  if (!inPlay() || leftPage) return;
+  if (!hasStarted() || leftPage) return;
   if (change) press(change);
   leftPage = connection.send(away(reason));
 }

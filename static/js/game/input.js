@@ -222,3 +222,15 @@ export class InputPacer {
 function fewer(marks) {
   return marks.length > 4 ? marks.slice(4) : marks;
 }
+
+/**
+ * Release all keys; return what to tell the server about it, or null.
+ * @param {Keys} keys
+ * @param {InputPacer} pacer
+ * @returns {Change | null}
+ */
+export function releaseAll(keys, pacer) {
+  const waited = pacer.clear();
+  const none = keys.marksOnDemand ? { held: null, tap: null, marks: false } : { held: null, tap: null };
+  return keys.clear() ?? (waited ? none : null);
+}

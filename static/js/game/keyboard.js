@@ -130,6 +130,15 @@ class KeyRepeats {
 }
 
 /**
+ * Return why the participant is not at the page now; null if they are.
+ * @returns {Wire.Away['reason'] | null}
+ */
+export function absence() {
+  if (document.hidden) return 'hidden';
+  return document.hasFocus() ? null : 'blur';
+}
+
+/**
  * Tell when the participant leaves the page and comes back.
  * @param {(reason: Wire.Away['reason']) => void} left
  * @param {() => void} back

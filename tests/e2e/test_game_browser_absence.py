@@ -1,0 +1,90 @@
+"""A participant who leaves the page: the game hears of it in every phase, and does not begin with nobody there."""
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from server.play.messages import Away, Countdown, Paused, PauseReason, Ready
+from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
+from tests.support.browser.game_page import opened, settled, start
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
+
+
+def leave(page: Page) -> None:
+    page.evaluate("document.hasFocus = () => false; window.dispatchEvent(new Event('blur'))")
+
+
+def come_back(page: Page) -> None:
+    page.evaluate("delete document.hasFocus; window.dispatchEvent(new Event('focus'))")
+
+
+@pytest.mark.parametrize("reason", ["researcher", "database", "partner"])
+def test_a_participant_who_leaves_during_a_pause_is_away_and_can_come_back(
+    chromium: Browser, server: FakeGameServer, reason: PauseReason
+) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Paused(reason, 0.0))
+        page.wait_for_selector(f"[data-view={'banner' if reason == 'database' else 'pause'}]")
+        leave(page)
+        server.wait_for(lambda server: server.of(Away) == [Away("blur")])
+        server.send(Paused("blur", 30.0))
+        page.wait_for_selector("#pause-button:visible")
+        come_back(page)
+        server.wait_for(lambda server: len(server.of(Ready)) == 2)
+        server.send(Paused(reason, 0.0), Countdown(0), tick(kitchen(t=2)))
+        expect(page.locator("[data-timestep='2'][data-view=none]")).to_be_visible()
+
+
+def test_a_participant_who_leaves_right_after_start_is_away(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        page.wait_for_selector("[data-phase=ready]")
+        page.click("#start-button")
+        leave(page)
+        server.wait_for(lambda server: server.of(Away) == [Away("blur")])
+        server.send(Countdown(1))
+        page.wait_for_selector("[data-phase=countdown]")
+        settled(page, server)
+        assert server.of(Away) == [Away("blur")], "said once"
+        come_back(page)
+        server.wait_for(lambda server: len(server.of(Ready)) == 2)
+
+
+def test_a_countdown_that_finds_nobody_is_stopped(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Paused("database", 0.0))
+        page.wait_for_selector("[data-view=banner]")
+        page.evaluate("document.hasFocus = () => false")  # no event told of it
+        server.send(Countdown(3))
+        server.wait_for(lambda server: server.of(Away) == [Away("blur")])
+        server.send(Paused("blur", 30.0))
+        come_back(page)
+        server.wait_for(lambda server: len(server.of(Ready)) == 2)
+
+
+@pytest.mark.parametrize(
+    ("reason", "seconds"), [("researcher", ""), ("database", ""), ("blur", "30"), ("partner", "30")]
+)
+def test_a_lost_connection_names_a_limit_only_if_the_absence_counts(
+    chromium: Browser, server: FakeGameServer, reason: PauseReason, seconds: str
+) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Paused(reason, 0.0))
+        page.wait_for_selector("[data-phase=paused]")
+        server.refusing = True
+        server.drop()
+        page.wait_for_selector("[data-link=lost] #banner:visible")
+        words = page.inner_text("#banner-left")
+        assert seconds in words if seconds else not words
+
+
+def test_leaving_before_start_is_not_an_absence(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        page.wait_for_selector("[data-phase=ready]")
+        leave(page)
+        come_back(page)
+        settled(page, server)
+        assert not server.of(Away)
+        assert not server.of(Ready)
