@@ -71,8 +71,7 @@ class Game:
         connection.send(self._welcome(person))
         self._lesson = None
         self._teach()
-        if self.session.phase == "paused":
-            connection.send(self._paused(person))
+        self._tell_paused(person, connection)
 
     def leave(self, person: int, connection: Connection) -> None:
         """Handle a closed socket. Nothing happens if another one has taken over."""
@@ -103,8 +102,7 @@ class Game:
             return
         self.release(person)
         self.session.expect_others(person, self.clock.now())
-        if self.session.phase == "paused" or (self.session.phase == "waiting" and len(self.session.people) > 1):
-            connection.send(self._paused(person))
+        self._tell_paused(person, connection)
 
     def dismiss_all(self) -> None:
         """Close all connections, because the game continues in another process."""
@@ -171,9 +169,13 @@ class Game:
         self.broadcast(messages.Countdown(round(seconds / self.clock.speed, 3)))
 
     def tell_paused(self) -> None:
-        if self.session.phase == "paused":
-            for person, connection in self.connections.items():
-                connection.send(self._paused(person))
+        for person, connection in self.connections.items():
+            self._tell_paused(person, connection)
+
+    def _tell_paused(self, person: int, connection: Connection) -> None:
+        """Tell a person why the game is paused, or, if they are ready, why it does not start."""
+        if self.session.phase == "paused" or self.session.keeps_waiting(person):
+            connection.send(self._paused(person))
 
     def show(self) -> None:
         """Send the stored state."""

@@ -11,6 +11,7 @@ from server.play.clock import Clock
 from server.play.close_codes import CloseCode
 from server.play.game import Connection, Game
 from server.play.loop import Loop
+from server.play.pause_reasons import RESEARCHER, SERVER
 from server.play.recorder import EpisodeRecord, EpisodeResult, GamesLost, Recorder, RecorderDown
 from server.play.session import Session
 
@@ -193,7 +194,7 @@ class Games:
                 left_s = game.session.pause_reasons.left_s(now)
                 if left_s is not None and left_s <= 0:
                     self.abort(game, "away")
-                elif left_s is None and not game.connections and now - game.idle_since > FORGET_AFTER_S:
+                elif left_s is None and _is_forgettable(game, now):
                     self._forget(game)
 
     async def stop(self) -> None:
@@ -203,7 +204,7 @@ class Games:
             self._keeper.cancel()
         games = list(self._games.values())
         for game in games:
-            game.pause("server", "server")
+            game.pause(SERVER, "server")
             game.store(game.session.end_pause(self.clock.now()))  # the process that takes it over begins its own pause
         await self.loop.close()
         try:
@@ -214,3 +215,10 @@ class Games:
         for game in games:
             for connection in game.connections.values():
                 connection.close(CloseCode.RESTARTING, "the server is restarting")
+
+
+def _is_forgettable(game: Game, now: float) -> bool:
+    """Return whether nobody has been there for a while. A game that a researcher pauses is kept: it would continue
+    without the researcher, or an absence would never end it."""
+    paused = game.session.phase == "paused" and RESEARCHER in game.session.pause_reasons
+    return not paused and not game.connections and now - game.idle_since > FORGET_AFTER_S

@@ -16,7 +16,7 @@ from overcooked.layout import Layout
 from server.play.clock import Clock
 from server.play.game import Game
 from server.play.lateness import Lateness
-from server.play.pause_reasons import DATABASE
+from server.play.pause_reasons import DATABASE, SERVER
 from server.play.recorder import GamesLost, Recorder, RecorderDown, TickRecord
 from server.play.session import COUNTDOWN_S, Session
 from server.play.simulation import step_together
@@ -26,7 +26,6 @@ log = logging.getLogger(__name__)
 COMMIT_S: Final = 1.0  # a commit that takes longer counts as RecorderDown
 PROBE_S: Final = 0.5
 STALLED_S: Final = 1.0  # a server that was suspended for longer counts down again instead of catching up
-_SERVER: Final = "server"
 
 
 class Loop:
@@ -127,8 +126,8 @@ class Loop:
         stalled = now - STALLED_S if self.clock.speed == 1 else -math.inf
         for game in [game for game in due if game.session.next_deadline <= stalled]:
             due.remove(game)
-            game.pause(_SERVER, "server")
-            game.release(_SERVER)
+            game.pause(SERVER, "server")
+            game.release(SERVER)
         return due
 
     def _have_acted(self, session: Session, now: float) -> bool:

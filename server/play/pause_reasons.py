@@ -7,11 +7,14 @@ from server.play.recorder import AWAY_REASONS
 
 DATABASE = "database"
 RESEARCHER = "researcher"
+SERVER = "server"  # it stops, or has not responded for a moment
 NOT_STARTED = "not_started"  # the participant has not pressed start yet: no pause, no limit
 
 MIN_ABSENCE_S = 0.5  # the least that an absence counts for, which limits the number of pauses of a game
 
-Holder = int | str  # a person's seat, DATABASE or RESEARCHER
+Holder = int | str  # a person's seat, or one of the above
+_OF_THE_SERVER = (DATABASE, RESEARCHER, SERVER)  # the first that holds is the reason to show
+_STOP_ABSENCES = (DATABASE, RESEARCHER)  # while one of them holds, nobody could return: absences do not count
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class PauseReasons:
         self._limits = limits
         self._held: dict[Holder, Hold] = {}
         self._away_s = away_ms / 1000  # of absences that are over
+        self._stopped_at: float | None = None  # since when absences do not count
 
     def __bool__(self) -> bool:
         return bool(self._held)
@@ -39,13 +43,22 @@ class PauseReasons:
         held = self._held.get(holder)
         if held is None or held.reason not in AWAY_REASONS:
             self._held[holder] = Hold(reason, now)
+        if holder in _STOP_ABSENCES and self._stopped_at is None:
+            self._stopped_at = now
 
     def release(self, holder: Holder, now: float) -> None:
         held = self._held.pop(holder, None)
-        if held is not None and holder == DATABASE:  # nobody could return without it: restart their time
-            self._held = {one: replace(hold, since=now) for one, hold in self._held.items()}
         if held is not None and held.reason in AWAY_REASONS:
-            self._away_s += max(MIN_ABSENCE_S, now - held.since)
+            self._away_s += self._counted_s(held, now)
+        if self._stopped_at is not None and not any(one in self._held for one in _STOP_ABSENCES):
+            self._stopped_at = None
+            self._held = {one: replace(hold, since=now) for one, hold in self._held.items()}  # restart their time
+
+    def _counted_s(self, absence: Hold, now: float) -> float:
+        """Return how much an absence that is over now counts for."""
+        if self._stopped_at is None:
+            return max(MIN_ABSENCE_S, now - absence.since)
+        return max(0.0, self._stopped_at - absence.since)  # it does not let the game continue: no minimum is needed
 
     def extend(self, seconds: float) -> None:
         """From now on absences in this game may last so much longer, each and all together."""
@@ -57,13 +70,15 @@ class PauseReasons:
         own = self._held.get(person)
         if own is not None:
             return own.reason
-        for holder in (DATABASE, RESEARCHER):
+        for holder in _OF_THE_SERVER:
             if holder in self._held:
                 return self._held[holder].reason
         return "partner"
 
     def left_s(self, now: float) -> float | None:
-        """Return how long the absence that ends first may last; None: nobody's absence counts."""
+        """Return how long the absence that ends first may last; None: nobody's absence counts now."""
+        if self._stopped_at is not None:
+            return None
         away = [now - held.since for held in self._held.values() if held.reason in AWAY_REASONS]
         if not away:
             return None

@@ -129,6 +129,10 @@ class Session:
         self.pause_reasons.release(holder, now)
         return not self.pause_reasons and self.phase in ("waiting", "paused")
 
+    def keeps_waiting(self, person: int) -> bool:
+        """Return whether this person is ready, but somebody or something else keeps the game from starting."""
+        return self.phase == "waiting" and bool(self.pause_reasons) and person not in self.pause_reasons
+
     def expect_others(self, person: int, now: float) -> None:
         """Note that somebody is ready: from now on the other people's time counts as an absence."""
         for other in self.people:

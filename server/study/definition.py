@@ -77,7 +77,8 @@ class Order(StrictModel):
 
 
 class Pause(StrictModel):
-    """How long a participant may be away before the episode ends."""
+    """How long a participant may be away before the episode ends. Time in which the researcher or the database pauses
+    the game does not count."""
 
     each_s: Annotated[float, Field(gt=0, le=3600)] = 30
     """The longest single absence, in seconds."""

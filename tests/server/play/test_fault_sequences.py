@@ -18,6 +18,7 @@ from server.play.clock import Clock
 from server.play.episode_spec import PauseLimits
 from server.play.game import Game
 from server.play.games import Games, NoGame
+from server.play.pause_reasons import RESEARCHER
 from server.play.recorder import EpisodeRecord, RecorderDown
 from server.play.session import Session
 from tests.support.live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
@@ -185,6 +186,24 @@ class Faults(RuleBasedStateMachine):
     def database(self, down: bool) -> None:
         self.recorder.down = down
 
+    @rule(holds=st.booleans())
+    def researcher(self, holds: bool) -> None:
+        self.hold(holds)
+
+    def hold(self, holds: bool) -> None:
+        async def command() -> None:
+            for game in self.games:
+                if game.session.phase == "ended":
+                    continue
+                if holds:
+                    game.pause(RESEARCHER, "researcher")
+                else:
+                    game.release(RESEARCHER)
+                    game.tell_paused()
+            await settle()
+
+        self.runner.run(command())
+
     @rule(how=st.sampled_from(["well", "broken", "silent"]))
     def change_models(self, how: str) -> None:
         self.models.broken, self.models.silent = how == "broken", how == "silent"
@@ -260,6 +279,7 @@ class Faults(RuleBasedStateMachine):
     def heal_and_finish(self) -> None:
         """Once everything is well again, a person who presses on gets to the end."""
         self.recorder.down = self.models.broken = self.models.silent = False
+        self.hold(False)
         for _ in range(40):
             if "e1" in self.recorder.results:
                 break

@@ -11,7 +11,6 @@ from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 from server.play.episode_spec import EpisodeSpec, PauseLimits
 from server.play.messages import Input, encode
-from server.play.pause_reasons import PauseReasons
 from server.play.recorder import TickRecord
 from server.play.session import ReplayMismatch, Session
 from tests.support.live_fakes import MemoryRecorder, RuleModels, make_spec, new_record
@@ -347,14 +346,3 @@ def test_two_agents_play_before_a_viewer() -> None:
     record = session.finish_tick([MODELS.decide(question) for question in session._asked], 1.0)
     assert None not in record.next_actions
     assert session.welcome(-1).seat == -1
-
-
-def test_a_page_that_goes_and_comes_all_the_time_uses_its_time_up() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
-    for count in range(1000):
-        reasons.hold(0, "hidden", now := count * 0.01)
-        left_s = reasons.left_s(now)
-        if left_s is not None and left_s <= 0:
-            break
-        reasons.release(0, now)
-    assert count == 120

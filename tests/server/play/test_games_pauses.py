@@ -1,0 +1,100 @@
+"""Pauses of games that a researcher or the database holds: what participants are told, and when a game continues."""
+
+import asyncio
+
+import pytest
+
+from server.play import games
+from server.play import messages as m
+from server.play.episode_spec import PauseLimits
+from server.play.pause_reasons import DATABASE, RESEARCHER
+from tests.support.live_fakes import QuietConnection, make_spec
+from tests.support.running_games import SPEED, RunningGames, until
+
+
+async def test_a_game_that_may_not_start_yet_tells_the_participant_why(running: RunningGames) -> None:
+    connection = QuietConnection()
+    game = await running.games.join("e1", 0, connection)
+    game.pause(RESEARCHER, "researcher")
+    assert not connection.of(m.Paused), "the page still offers to start"
+    game.receive(0, connection, m.Ready())
+    assert connection.of(m.Paused) == [m.Paused("researcher", 0.0)]
+    game.release(RESEARCHER)
+    await until(lambda: connection.closed)
+    assert running.ticks() == 41
+
+
+async def test_a_pause_in_the_first_countdown_is_shown(running: RunningGames) -> None:
+    connection = await running.play()
+    game = running.games.get("e1")
+    assert game is not None
+    game.pause(RESEARCHER, "researcher")
+    await until(lambda: connection.of(m.Paused) == [m.Paused("researcher", 0.0)])
+
+
+async def test_a_database_that_stops_at_the_first_commit_is_shown(running: RunningGames) -> None:
+    running.recorder.down = True
+    connection = await running.play()
+    await until(lambda: connection.of(m.Paused))
+    assert set(connection.of(m.Paused)) == {m.Paused("database", 0.0)}
+    running.recorder.down = False
+    await until(lambda: connection.closed)
+    assert running.ticks() == 41
+
+
+@pytest.mark.parametrize("holder", [RESEARCHER, DATABASE])
+@pytest.mark.parametrize("started", [True, False])
+async def test_a_game_does_not_continue_before_a_participant_who_left_during_its_pause_is_back(
+    running: RunningGames, holder: str, started: bool
+) -> None:
+    connection = await running.play()
+    game = running.games.get("e1")
+    assert game is not None
+    await until(lambda: running.ticks() > 5 if started else game.session.phase == "countdown")
+    game.pause(holder, holder)
+    game.receive(0, connection, m.Away("hidden"))
+    await until(lambda: not game.busy)
+    stood = running.ticks()
+    game.release(holder)
+    await asyncio.sleep(0.3)  # six seconds of the game
+    assert not game.session.moving
+    assert running.ticks() == stood
+    game.receive(0, connection, m.Ready())
+    await until(lambda: connection.closed)
+    assert running.ticks() == 41
+
+
+async def test_an_absence_while_the_researcher_pauses_a_game_does_not_end_it(running: RunningGames) -> None:
+    running.specs["e1"] = make_spec(pause=PauseLimits(2.0, 60.0))
+    connection = await running.play()
+    await until(lambda: running.ticks() > 3)
+    game = running.games.get("e1")
+    assert game is not None
+    game.pause(RESEARCHER, "researcher")
+    game.leave(0, connection)
+    await asyncio.sleep(10.0 / SPEED)
+    assert game.session.phase == "paused"
+    game.release(RESEARCHER)
+    await until(lambda: running.recorder.results)
+    assert running.recorder.results["e1"].reason == "away"
+
+
+async def test_a_game_that_a_researcher_pauses_is_not_unloaded(
+    running: RunningGames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(games, "FORGET_AFTER_S", 1.0)
+    connection = await running.play()
+    await until(lambda: running.ticks() > 3)
+    game = running.games.get("e1")
+    assert game is not None
+    game.pause(RESEARCHER, "researcher")
+    game.leave(0, connection)
+    await asyncio.sleep(10.0 / SPEED)
+    assert running.games.get("e1") is game, "it would continue without the researcher"
+
+
+async def test_a_server_that_stops_says_so(running: RunningGames) -> None:
+    connection = await running.play()
+    await until(lambda: running.ticks() > 3)
+    await running.games.stop()
+    assert {message.reason for message in connection.sent if isinstance(message, m.Paused)} == {"server"}

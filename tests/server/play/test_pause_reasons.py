@@ -1,0 +1,57 @@
+"""Why a game is paused: what counts as an absence, and how long it may last."""
+
+import pytest
+
+from server.play.episode_spec import PauseLimits
+from server.play.pause_reasons import PauseReasons
+
+
+def test_a_page_that_goes_and_comes_all_the_time_uses_its_time_up() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    for count in range(1000):
+        reasons.hold(0, "hidden", now := count * 0.01)
+        left_s = reasons.left_s(now)
+        if left_s is not None and left_s <= 0:
+            break
+        reasons.release(0, now)
+    assert count == 120
+
+
+@pytest.mark.parametrize("holder", ["researcher", "database"])
+def test_time_in_which_nobody_could_return_does_not_count_as_an_absence(holder: str) -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons.hold(0, "hidden", 0.0)
+    reasons.hold(holder, holder, 10.0)
+    assert reasons.left_s(10_000.0) is None
+    reasons.release(holder, 10_000.0)
+    assert reasons.left_s(10_005.0) == pytest.approx(25.0)
+    reasons.hold(holder, holder, 10_005.0)
+    reasons.release(0, 20_000.0)
+    reasons.release(holder, 20_000.0)
+    reasons.hold(0, "hidden", 20_000.0)
+    assert reasons.left_s(20_028.0) == pytest.approx(2.0)
+    reasons.release(0, 20_028.0)
+    reasons.hold(0, "hidden", 30_000.0)
+    assert reasons.left_s(30_000.0) == pytest.approx(60.0 - 5.0 - 28.0)
+
+
+def test_absences_count_again_when_neither_the_researcher_nor_the_database_pauses_the_game() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons.hold("researcher", "researcher", 0.0)
+    reasons.hold("database", "database", 5.0)
+    reasons.hold(0, "lost", 10.0)
+    reasons.release("researcher", 100.0)
+    assert reasons.left_s(200.0) is None
+    reasons.release("database", 200.0)
+    assert reasons.left_s(201.0) == pytest.approx(29.0)
+
+
+def test_leaving_again_and_again_while_the_researcher_pauses_the_game_uses_no_time_up() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons.hold("researcher", "researcher", 0.0)
+    for now in range(1000):
+        reasons.hold(0, "blur", float(now))
+        reasons.release(0, now + 0.9)
+    reasons.release("researcher", 1000.0)
+    reasons.hold(0, "blur", 1000.0)
+    assert reasons.left_s(1000.0) == pytest.approx(30.0)
