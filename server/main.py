@@ -154,7 +154,7 @@ async def _services(
     demonstrations, previews = _unstored(web, games, models, stack)
     live = LiveGames(web, games, sockets, peers)
     dashboard = Dashboard(live, _database_file(settings))
-    control = await _control(web, games, versions, stack, shared=node is not None)
+    control = await _control(web, games, versions, sockets, stack, shared=node is not None)
     hook = _webhook(settings)
     alerts = Alerts(live, dashboard.file, _teller(settings, hook), versions)
     if node is not None:
@@ -209,8 +209,10 @@ def _database_file(settings: Settings) -> Path | None:
     return Path(str(url.database)) if url.get_backend_name() == "sqlite" else None
 
 
-async def _control(web: Web, games: Games, versions: StudyVersions, stack: AsyncExitStack, shared: bool) -> Control:
-    control = Control(games, web.database, web.studies, versions)
+async def _control(
+    web: Web, games: Games, versions: StudyVersions, sockets: Sockets, stack: AsyncExitStack, shared: bool
+) -> Control:
+    control = Control(games, web.database, web.studies, versions, sockets.dismiss_deleted)
     await control.begin(shared)
     stack.push_async_callback(control.stop)
     return control

@@ -41,6 +41,12 @@ class EndGames(Struct, frozen=True, tag_field="command", tag="end_games"):
     episodes: list[str]
 
 
+class DismissParticipant(Struct, frozen=True, tag_field="command", tag="dismiss_participant"):
+    """Close the sockets of a participant who was deleted."""
+
+    participant: str
+
+
 class PauseStudy(Struct, frozen=True, tag_field="command", tag="pause_study"):
     """Pause all games of a study, also those that start later."""
 
@@ -76,5 +82,7 @@ class OpenVersion(Struct, frozen=True, tag_field="command", tag="open_version"):
 
 
 AnyGameCommand = PauseGame | ResumeGame | SendMessage | ExtendAbsence | EndGame
-BroadcastCommand = EndGames | PauseStudy | ResumeStudy | MessageStudy | PrepareVersion | OpenVersion  # to all
+BroadcastCommand = (  # to all
+    EndGames | DismissParticipant | PauseStudy | ResumeStudy | MessageStudy | PrepareVersion | OpenVersion
+)
 Command = AnyGameCommand | BroadcastCommand

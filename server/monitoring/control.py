@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -10,6 +10,7 @@ from server.background_tasks import ended
 from server.monitoring.commands import (
     AnyGameCommand,
     Command,
+    DismissParticipant,
     EndGame,
     EndGames,
     ExtendAbsence,
@@ -41,8 +42,17 @@ BUSY_S: Final = 3.0
 class Control:
     """Runs the commands; keeps the games of paused studies paused. Made once in server.main."""
 
-    def __init__(self, games: Games, database: Database, studies: Studies, versions: Versions | None = None) -> None:
+    def __init__(
+        self,
+        games: Games,
+        database: Database,
+        studies: Studies,
+        versions: Versions | None = None,
+        dismiss: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """`dismiss` closes the sockets of a participant who was deleted."""
         self._games, self._database, self._studies, self._versions = games, database, studies, versions
+        self._dismiss = dismiss
         self._paused: dict[str, tuple[int, ...]] = {}  # study -> its versions
         self._checked: dict[str, int] = {}  # episode -> version, of games seen while a study is paused
         self._keeper: asyncio.Task[None] | None = None
@@ -64,6 +74,9 @@ class Control:
         match command:
             case EndGames(episodes):
                 return await self._end_all(episodes)
+            case DismissParticipant(participant):
+                self._dismiss(participant)
+                return 0
             case PauseStudy(study):
                 return self._pause_study(study)
             case ResumeStudy(study):

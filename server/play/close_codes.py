@@ -23,7 +23,7 @@ class CloseCode(IntEnum):
     TRY_LATER = 1013  # the database is away
     SUPERSEDED = 4001  # another tab has taken over
     SIGNED_OUT = 4003  # a researcher's session has ended or changed: reload the page
-    NO_GAME = 4004  # the participant's current step is not a game: reload the page
+    NO_GAME = 4004  # the participant's current step is not a game, or the cookie no longer counts: reload the page
     GAME_READY = 4005  # the wait for another person is over: connect again at once
 
 
@@ -44,6 +44,6 @@ CAUSES: Final[Mapping[CloseCode, tuple[str, str]]] = {
         "on a researcher's pages: the session has ended or now shows other data",
         "reloads the page",
     ),
-    CloseCode.NO_GAME: ("there is no game to play", "loads `/s/{study}/now`"),
+    CloseCode.NO_GAME: ("there is no game to play, or the cookie does not count (any more)", "loads `/s/{study}/now`"),
     CloseCode.GAME_READY: ("the wait for another person is over", "reconnects at once"),
 }

@@ -69,7 +69,7 @@ def site(tmp_path: Path) -> Iterator[PageSite]:
         dashboard=Dashboard(live, tmp_path / "site.db"),
         latency_history=LatencyHistory(live),
         alerts=Alerts(live, tmp_path / "site.db", lambda *_: None),
-        control=ClusterControl(Control(games, made.database, made.studies)),
+        control=ClusterControl(Control(games, made.database, made.studies, dismiss=sockets.dismiss_deleted)),
     )
     made.use(services)
     for module in (researcher_pages, live_boards, replay_page, actions, downloads):

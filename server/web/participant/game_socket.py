@@ -40,6 +40,10 @@ IsOurs = Callable[[HTTPConnection], bool]
 Report = Callable[[str, str], Awaitable[None]]  # (participant, text of a problem in their browser)
 
 
+class NoPlace(Exception):
+    """Nobody else can be let in now: the page tries again."""
+
+
 class PlayerSocket:
     """One accepted socket, as the game and the heartbeat see it."""
 
@@ -99,7 +103,7 @@ class Sockets:
         }
 
     async def serve(self, socket: WebSocket, study: str) -> None:
-        """From handshake to close. Unknown people and foreign pages get a 403 before anything is accepted."""
+        """From handshake to close. Foreign pages get a 403 before anything is accepted."""
         if not self.is_ours(socket):
             log.warning("a websocket from another origin was refused: %s", socket.headers.get("origin", "")[:100])
             return await socket.close(CloseCode.REFUSED)
@@ -108,8 +112,10 @@ class Sockets:
         except DatabaseDown:
             await socket.accept()
             return await socket.close(CloseCode.TRY_LATER, "the database is away")
-        if player is None:
+        except NoPlace:
             return await socket.close(CloseCode.REFUSED)
+        if player is None:
+            return await _turn_away(socket)
         await socket.accept()
         mine = PlayerSocket(socket, player)
         self._open[mine] = None
@@ -135,10 +141,14 @@ class Sockets:
         for one in own[:-MAX_OF_ONE]:
             one.close(CloseCode.REFUSED, "too many connections")
 
-    def dismiss(self, participant: str, reason: str) -> None:
+    def dismiss(self, participant: str, reason: str, code: CloseCode = CloseCode.REFUSED) -> None:
         """Close every socket of a participant for good."""
         for one in [one for one in self._open if one.player.participant == participant]:
-            one.close(CloseCode.REFUSED, reason)
+            one.close(code, reason)
+
+    def dismiss_deleted(self, participant: str) -> None:
+        """Close the sockets of somebody who was deleted: the page loads what there is for them now."""
+        self.dismiss(participant, "this participant was deleted", CloseCode.NO_GAME)
 
     @staticmethod
     async def _settle(writer: asyncio.Task[None], reader: asyncio.Task[None], mine: PlayerSocket) -> None:
@@ -235,6 +245,15 @@ class Sockets:
                 mine.send(messages.Refused("broken", "this game cannot be taken up; the researcher has been told"))
                 mine.close(CloseCode.FAILED, "the game is broken")
         return game
+
+
+async def _turn_away(socket: WebSocket) -> None:
+    """Refuse somebody whom we do not know, or no longer. A browser does not show its page the status of a refused
+    handshake: one of our pages, which names its origin, gets a close code, with which it loads the current step."""
+    if "origin" not in socket.headers:
+        return await socket.close(CloseCode.REFUSED)
+    await socket.accept()
+    await socket.close(CloseCode.NO_GAME, "unknown participant")
 
 
 router = APIRouter()

@@ -20,7 +20,7 @@ from server.study.definition import Condition, KitchenChoice, PartnerSettings, S
 from server.study.locale import best_language, languages
 from server.web.client_address import HERE, address_of
 from server.web.dependencies import WebDep, page
-from server.web.participant.game_socket import IsOurs, Sockets
+from server.web.participant.game_socket import IsOurs, NoPlace, Sockets
 from server.web.services import ServicesDep
 
 MAX_GAMES: Final = 12  # so that viewers never slow down participants' games
@@ -143,8 +143,10 @@ class Demonstrations:
         marks = int(given.get("marks") == "1")
         choice = choice_of(given.get("kitchen", ""), given.get("first", ""), given.get("second", ""), marks)
         spec, address = self.spec(choice, language), address_of(connection)
-        if spec is None or not self._make_room(address):
+        if spec is None:
             return None
+        if not self._make_room(address):
+            raise NoPlace
         episode = f"watch-{secrets.token_hex(8)}"
         self._onlookers[episode] = Onlooker(address, spec)
         connection.scope[_EPISODE] = episode

@@ -3,6 +3,8 @@
 import pytest
 from sqlalchemy import text as sql
 
+from server.participation.seating import ConnectedPlayer
+from server.play.close_codes import CloseCode
 from server.store import audit, participants, tombstones
 from server.store.tables import RECRUITMENT_ID, metadata
 from tests.support.page_site import PageSite
@@ -35,6 +37,29 @@ def test_a_researcher_with_the_role_act_deletes_a_participant_on_request(site: P
     assert site.database.read_now(audit.first_forged) is None
     assert site.database.read_now(tombstones.every)[0].is_of(person)
     assert researcher.get(f"/admin/s/small/person/{person}").status_code == 404
+
+
+class OpenSocket:
+    """A socket of a page in the waiting room."""
+
+    def __init__(self, participant: str) -> None:
+        self.player = ConnectedPlayer(participant, None, -1, "/s/small/now")
+        self.closed: int | None = None
+
+    def close(self, code: int, reason: str) -> None:
+        self.closed = code
+
+
+def test_the_open_pages_of_a_deleted_participant_are_told(site: PageSite) -> None:
+    played(site)
+    person = site.only("small").id
+    here, other = OpenSocket(person), OpenSocket("another")
+    site.services.sockets._open |= {here: None, other: None}  # type: ignore[dict-item]
+    researcher = signed_in(site, "own")
+    researcher.get(f"/admin/s/small/person/{person}")
+    researcher.post(f"/admin/s/small/person/{person}/delete", note="asked by mail", next="/admin")
+    assert (here.closed, other.closed) == (CloseCode.NO_GAME, None)
+    site.services.sockets._open.clear()
 
 
 def test_a_researcher_with_the_role_watch_can_neither_find_nor_delete_participants(site: PageSite) -> None:

@@ -28,8 +28,40 @@ async def test_page_of_another_site_gets_403(served: Served) -> None:
     assert refused.value.response.status_code == 403
 
 
+@pytest.mark.parametrize(("who", "path"), [(None, "demo"), ("ann", "other")])
+async def test_own_page_with_a_cookie_that_does_not_count_is_told_to_load_the_current_step(
+    served: Served, who: str | None, path: str
+) -> None:
+    """A browser reports a refused handshake as a lost connection: the page would try again forever."""
+    origin = own_origin(served)
+    served.url = served.url.replace("demo", path)
+    async with served.connect(who, origin=origin) as socket:
+        assert await close_code(socket) == 4004
+    assert not len(served.sockets)
+
+
+async def test_page_of_another_site_without_a_cookie_gets_403(served: Served) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        async with served.connect(None, origin=Origin("https://evil.example")):
+            pass
+    assert refused.value.response.status_code == 403
+
+
+async def test_sockets_of_a_deleted_participant_close_for_good(served: Served) -> None:
+    async with served.connect("ann") as deleted, served.connect("bob") as other:
+        await play(deleted)
+        await play(other)
+        served.sockets.dismiss_deleted("ann")
+        assert await close_code(deleted) == 4004
+        assert await hear(other, "tick")
+
+
+def own_origin(served: Served) -> Origin:
+    return Origin("http" + served.url.removeprefix("ws").removesuffix("/s/demo/socket"))
+
+
 async def test_own_page_gets_in_and_plays(served: Served) -> None:
-    origin = Origin("http" + served.url.removeprefix("ws").removesuffix("/s/demo/socket"))
+    origin = own_origin(served)
     async with served.connect(origin=origin) as socket:
         await play(socket)
         assert (await hear(socket, "tick"))["state"]["t"] >= 1
