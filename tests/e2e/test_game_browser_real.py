@@ -213,3 +213,14 @@ def test_a_round_at_five_ticks_a_second(
         assert (row.status, row.score) == ("done", cook.ended[-1].score)
         assert stored == horizon + 1
         assert command_line.run("verify", "--database", server.database).returncode == 0
+
+
+def test_a_page_whose_cookie_does_not_count_any_more_leads_to_the_first_page(
+    visitor: BrowserContext, server: RealServer
+) -> None:
+    """As after the recruiter's link was opened on another device."""
+    page = visitor.new_page()
+    go_to_game(page, server)
+    visitor.clear_cookies()
+    page.evaluate("window.dispatchEvent(new Event('offline')); window.dispatchEvent(new Event('online'))")
+    page.wait_for_url(server.url + "/s/short")

@@ -11,9 +11,10 @@ import pytest
 from fastapi import FastAPI
 from fastapi.routing import APIRoute, APIWebSocketRoute
 from sqlalchemy import select
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from server.play.close_codes import CloseCode
 from server.store.tables import participants
 
 ROLES = ("anonymous", "other", "participant", "watch", "act", "own")  # other: a participant of another study
@@ -197,6 +198,12 @@ def try_socket(server: Any, route: str, role: str) -> None:
     elif may(role, ROUTES[route]):
         with connect(url, additional_headers=headers, origin=server.live.url):  # type: ignore[arg-type]
             pass
+    elif route.endswith(" /s/{study}/socket"):  # a page of ours learns why it gets nothing
+        with connect(url, additional_headers=headers, origin=server.live.url) as socket:  # type: ignore[arg-type]
+            with pytest.raises(ConnectionClosed) as closed:
+                socket.recv(10)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == CloseCode.NO_GAME
     else:
         with pytest.raises(InvalidStatus, match="403"):
             connect(url, additional_headers=headers, origin=server.live.url)  # type: ignore[arg-type]
