@@ -52,20 +52,20 @@ def test_the_sentences_are_the_same_whatever_the_order_of_the_conditions(orders:
     write_export(truth, tmp_path / "plain")
     made = [listed_as(tmp_path / "plain", tmp_path / order.replace(" ", "-"), order.split()) for order in orders]
     assert {one.analysis.contrast for one in made} == {("tom", "none")}
-    first = said(made[0])
+    first = text_of(made[0])
     assert "With ToM predictions teams earn more in 2 of 2 layouts with SP" in first
     for part in ("ToM predictions raised the reward", "points higher with ToM predictions than with no prediction"):
         assert part in first
     assert "the conclusion of the mixed model holds in all of them" in first
     for other in made[1:]:
-        assert said(other) == first
+        assert text_of(other) == first
         tests = {(row.section, row.test, row.contrast) for row in other.analysis.rows if row.contrast}
         assert tests == {(row.section, row.test, row.contrast) for row in made[0].analysis.rows if row.contrast}
         assert "ToM against None: two-sided t-tests" in other.page.read_text("utf-8")
         assert len(select(other.analysis.rows, section="reward", test="t_test_people", contrast="tom - none")) == 4
 
 
-def said(report: Report) -> str:
+def text_of(report: Report) -> str:
     """Return the headlines and the sentences, without the one that lists the participants of each condition."""
     page = report.page.read_text("utf-8")
     findings = page.partition('<ol class="find">')[2].partition("</ol>")[0]

@@ -50,7 +50,7 @@ async def session_of(connection: HTTPConnection) -> AdminSession | None:
     return session
 
 
-_ASK = "Ask whoever runs the server for it: they can run `kitchenmind admin role NAME ROLE`."
+_ASK = "The person who runs the server can give it to you: `kitchenmind admin role NAME ROLE`."
 
 
 def _needs(role: str) -> Callable[[Request], Coroutine[Any, Any, AdminSession]]:

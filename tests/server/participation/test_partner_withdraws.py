@@ -48,11 +48,11 @@ class Pair:
         return found
 
     def step(self) -> str:
-        """The step of who stays."""
+        """The step of the one who stays."""
         return self.studies.step(self.now(self.stays)).key
 
     def open_page(self) -> None:
-        """Who stays opens the page of the current step."""
+        """The one who stays opens the page of the current step."""
         self.database.write_now(progress.arrive, self.studies, self.stays)
 
     def walk_to(self, who: str, key: str) -> None:
@@ -98,7 +98,7 @@ async def test_a_round_that_a_withdrawal_deleted_is_not_played_again(make: MakeP
     await pair.play(1, end)
     assert pair.database.write_now(withdraw, pair.leaves)
     game = await pair.seating.find(pair.tokens[0], "pairs")
-    assert (game.episode, game.request) == (None, None), "a page that connects again is not seated anew"
+    assert (game.episode, game.request) == (None, None), "a page that connects again is not seated again"
     pair.open_page()
     assert pair.step() == "ready-02"
 

@@ -90,7 +90,7 @@ def test_a_participation_that_ended_early_is_not_called_completed(site: PageSite
     elsewhere = Visitor(site)
     page = elsewhere.get(f"/s/hired{LINK}").text
     assert "The participation that belongs to this link has ended" in page
-    assert "complet" not in page
+    assert "completed" not in page
 
 
 def test_the_next_person_is_offered_a_code_only_where_there_is_one(site: PageSite) -> None:
