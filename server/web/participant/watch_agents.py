@@ -138,14 +138,12 @@ class Demonstrations:
             deadline_ms=offer.study.game.deadline_ms,
         )
 
-    async def _find(self, connection: HTTPConnection, language: str) -> ConnectedPlayer | None:
+    async def _find(self, connection: HTTPConnection, language: str) -> ConnectedPlayer:
         given = connection.query_params
         marks = int(given.get("marks") == "1")
         choice = choice_of(given.get("kitchen", ""), given.get("first", ""), given.get("second", ""), marks)
         spec, address = self.spec(choice, language), address_of(connection)
-        if spec is None:
-            return None
-        if not self._make_room(address):
+        if spec is None or not self._make_room(address):
             raise NoPlace
         episode = f"watch-{secrets.token_hex(8)}"
         self._onlookers[episode] = Onlooker(address, spec)
