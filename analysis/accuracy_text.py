@@ -7,7 +7,7 @@ from markupsafe import escape
 
 from analysis.accuracy import degraded_to, without_degradation
 from analysis.formatting import listed, number
-from analysis.phrases import agent
+from analysis.phrases import partner
 from analysis.results import Result, select
 from analysis.simulated import Subjects
 
@@ -66,7 +66,7 @@ def _degraded_findings(rows: Sequence[Result], who: Subjects) -> list[str]:
 
 
 def _named(row: Result) -> str:
-    return f"{escape(row.note)} with the {agent(row.agent)} agent"
+    return f"{escape(row.note)} with {partner(row.agent)}"
 
 
 def _percent(rows: Sequence[Result]) -> str:
@@ -91,6 +91,6 @@ def accuracy_sentence(rows: Sequence[Result], who: Subjects) -> str:
         bounds = "" if math.isnan(row.estimate_low) else f" (95 % CI [{low}, {high}])"
         words = predictor_words(rows, row)
         which = f" (predictor: {escape(words)})" if words else ""
-        parts.append(f"{_percent([row])} of the {agent(row.agent)} agent’s actions{which}{bounds}")
+        parts.append(f"{_percent([row])} of {partner(row.agent)}’s actions{which}{bounds}")
     games = f"In the games with {who.people}"
     return f"{games} the predictor foresaw {listed(parts)}, mean of the three steps." if parts else ""

@@ -4,13 +4,13 @@ A person has a mean for each combination of levels that was met. An effect withi
 differences, in which everything that is constant over a person's blocks cancels; an effect between people is tested on
 the mean over the combinations. The people of a condition, who met the blocks in one order, are a group: groups with the
 same levels are averaged with equal weight, and only variance within groups is error, so that an effect of the blocks'
-order does not count as an effect of the levels (Hills and Armitage 1979). That needs every level in every block equally
-often; where the orders that are left lack that, there is no test. Balanced data give the tests of a split-plot
+order does not count as an effect of the levels (Hills and Armitage 1979). That needs the same
+average block for every level, so that a steady change over the blocks, such as practice, cancels; where the orders that
+are left lack that, there is no test. Balanced data give the tests of a split-plot
 analysis of variance. Where an effect within people has several differences, its degrees of freedom are corrected
 (Greenhouse and Geisser 1959).
 """
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -138,19 +138,18 @@ def problem_with(cells: RepeatedCells) -> str:
 
 
 def _imbalance(cells: RepeatedCells) -> str:
-    """Return where some levels come earlier or later than others in the orders that are left; empty if nowhere. The
-    effect of the levels would contain that of the block."""
+    """Return where some levels come earlier on average than others in the orders that are left; empty if nowhere. The
+    effect of the levels would contain a steady change over the blocks."""
     inner = list(product(*cells.inner.values()))
     for levels in product(*cells.outer.values()):
         orders = [order for (between, _), order in zip(cells.groups, cells.orders, strict=False) if between == levels]
-        for place in range(len(inner) if orders else 0):
-            counts = Counter(order[place] for order in orders)
-            if len({counts[combination] for combination in inner}) > 1:
-                where = ", ".join(f"{name} {level}" for name, level in zip(cells.outer, levels, strict=True))
-                return (
-                    f"the orders of the blocks{' with ' + where if where else ''} are not balanced: not "
-                    f"all levels are in block {place + 1} equally often, so levels and blocks cannot be told apart"
-                )
+        places = {combination: sum(order.index(combination) for order in orders) for combination in inner}
+        if len(set(places.values())) > 1:
+            where = ", ".join(f"{name} {level}" for name, level in zip(cells.outer, levels, strict=True))
+            return (
+                f"the orders of the blocks{' with ' + where if where else ''} are not balanced: some levels come "
+                "earlier than others on average, so levels and blocks cannot be told apart"
+            )
     return ""
 
 

@@ -51,7 +51,7 @@ def test_without_one_of_the_orders_levels_are_not_tested(tmp_path: Path) -> None
     assert not select(made.analysis.rows, section="factorial", test="difference")
     (primary,) = select(made.analysis.rows, section="primary")
     assert np.isnan(primary.p)
-    assert "not all levels are in block 1 equally often" in primary.note
+    assert "some levels come earlier than others on average" in primary.note
     findings = apa_text.findings(made.analysis)
     assert findings[0].startswith("The effects of prediction on reward could not be tested: the orders of the blocks")
     assert not any("between the conditions" in text for text in findings)

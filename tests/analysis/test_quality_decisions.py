@@ -39,7 +39,7 @@ def test_the_first_reason_that_holds_is_named() -> None:
         "out: not played to the end",
         "out: saw it",
         "out: participant excluded, asked a friend to play",
-        "out: participant left without a word",
+        "out: participant not seen for too long",
         "out: participant elsewhere",
     ]
 
@@ -60,7 +60,7 @@ def test_episodes_of_people_who_left_or_were_excluded_are_not_called_analysed(pl
     quiet = quality.filter(pl.col("decision") == "analysed", pl.col("proposal") == "keep").height
     page = report.page.read_text(encoding="utf-8")
     assert f"{quiet} of {quality.height} episodes raise no question and were analysed." in page
-    for name, reason in ((first, "left without a word"), (second, "excluded, asked a friend to play")):
+    for name, reason in ((first, "not seen for too long"), (second, "excluded, asked a friend to play")):
         mine = quality.filter(pl.col("participant") == name, pl.col("decision") == f"out: participant {reason}")
         assert mine.height >= 8  # all but those that were excluded by themselves
         assert re.search(rf"{mine['episode'][0]}</td>.*out: participant {reason}</td>", page)

@@ -63,6 +63,17 @@ def test_a_countdown_that_finds_nobody_is_stopped(chromium: Browser, server: Fak
         server.wait_for(lambda server: len(server.of(Ready)) == 2)
 
 
+def test_a_browser_that_never_says_that_the_page_has_the_focus_plays(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        page.wait_for_selector("[data-phase=ready]")
+        page.evaluate("document.hasFocus = () => false")
+        start(page, server)
+        settled(page, server)
+        assert server.of(Away) == []
+        leave(page)  # an event tells of it, as before
+        server.wait_for(lambda server: server.of(Away) == [Away("blur")])
+
+
 @pytest.mark.parametrize(
     ("reason", "seconds"), [("researcher", ""), ("database", ""), ("blur", "30"), ("partner", "30")]
 )

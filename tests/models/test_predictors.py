@@ -69,7 +69,7 @@ def test_a_degraded_predictor_predicts_the_same_for_the_same_state():
 
 
 def test_a_degraded_accuracy_above_the_predictors_own_is_refused():
-    with pytest.raises(UnknownPredictor, match="reaches 70%; 90% cannot be had"):
+    with pytest.raises(UnknownPredictor, match="reaches 70%; a degraded version cannot reach 90%"):
         DegradedPredictor(Knowing(0.7), 0.7, 0.9)
 
 

@@ -26,7 +26,13 @@ put_contrasts <- function(model, section, test) for (pair in PAIRS) {
 }
 tight <- lmerControl(optimizer = "bobyqa", optCtrl = list(maxfun = 1e5, rhoend = 1e-10), calc.derivs = TRUE)
 quiet <- function(expression) suppressMessages(suppressWarnings(expression))
-model <- quiet(lmer(reward ~ condition + agent + layout + (1 | participant), episodes, control = tight))
+formula <- reward ~ condition + agent + layout + (1 | participant)
+if (within) {  # the levels that people met in blocks: a difference between orders is that of their means over the levels
+  episodes$level <- factor(episodes$factor_prediction)
+  contrasts(episodes$level) <- contr.sum(nlevels(episodes$level))
+  formula <- update(formula, . ~ . + level + condition:level)
+}
+model <- quiet(lmer(formula, episodes, control = tight))
 put_contrasts(model, "mixed model", "fixed_effect")
 spread <- as.data.frame(VarCorr(model))$sdcor
 put("mixed model", "person_sd", c(estimate = if (isSingular(model)) 0 else spread[1]), "all", "all")

@@ -129,13 +129,16 @@ class KeyRepeats {
   }
 }
 
+/** Whether this browser says that the page has the focus; some, embedded in other programs, never do. */
+let focusIsTold = true;
+
 /**
  * Return why the participant is not at the page now; null if they are.
  * @returns {Wire.Away['reason'] | null}
  */
 export function absence() {
   if (document.hidden) return 'hidden';
-  return document.hasFocus() ? null : 'blur';
+  return document.hasFocus() || !focusIsTold ? null : 'blur';
 }
 
 /**
@@ -149,4 +152,6 @@ export function watchPresence(left, back) {
     if (!document.hidden) back();
   });
   document.addEventListener('visibilitychange', () => (document.hidden ? left('hidden') : back()));
+  const clicked = () => (focusIsTold = document.hasFocus()); // somebody who clicks is at the page
+  window.addEventListener('click', clicked, { capture: true });
 }
