@@ -40,7 +40,7 @@ def findings(analysis: Analysis) -> list[str]:
     """Return the two or three lines at the top of the report."""
     # With blocks, conditions are orders of blocks, whose comparison is not the main question.
     reward = _effects_finding(analysis) if analysis.within else _reward_finding(analysis)
-    found = [reward, _layouts_finding(analysis), _accuracy_finding(analysis)]
+    found = [reward, _layouts_finding(analysis), accuracy_finding(analysis.rows, analysis.subjects)]
     return [line for line in found if line] or ["There is too little data for a comparison yet."]
 
 
@@ -120,10 +120,6 @@ def _counted(analysis: Analysis, tests: Sequence[Result], found: Sequence[Result
 def _dependent(analysis: Analysis, column: str) -> bool:
     """Return true if the difference of the main comparison depends on the layout or agent."""
     return any(significant(row) for row in with_p(select(analysis.rows, test=f"contrast_by_{column}")))
-
-
-def _accuracy_finding(analysis: Analysis) -> str:
-    return accuracy_finding(analysis.rows, analysis.subjects)
 
 
 def sentences(analysis: Analysis) -> list[str]:

@@ -2,6 +2,8 @@
 
 import math
 
+from analysis.tables import PERSON
+
 LAYOUT_TITLES = {"all": "All layouts"}
 CONDITION_TITLES = {"none": "None", "random": "Random", "tom": "ToM", "all": "All"}
 CONDITION_PHRASES = {"none": "no prediction", "random": "random predictions", "tom": "ToM predictions"}
@@ -22,12 +24,12 @@ def agent_title(agent: str) -> str:
 
 def partner_phrase(agent: str) -> str:
     """Return the words for a partner in a sentence: sp -> the SP agent; person -> the other person."""
-    return "the other person" if agent == "person" else f"the {agent_title(agent)} agent"
+    return "the other person" if agent == PERSON else f"the {agent_title(agent)} agent"
 
 
 def partner_title(agent: str) -> str:
     """sp -> SP agent; person -> Another person."""
-    return "Another person" if agent == "person" else f"{agent_title(agent)} agent"
+    return "Another person" if agent == PERSON else f"{agent_title(agent)} agent"
 
 
 def condition_title(condition: str) -> str:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 T = TypeVar("T")
-_ROLES = "watch: see; act: also intervene; own: also accounts, kitchens and studies"
-_NAMES = ("watch", "act", "own")
+_RIGHTS = "watch: see; act: also intervene; own: also accounts, kitchens and studies"
+_ROLE_NAMES = ("watch", "act", "own")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,10 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="admin_verb", required=True, metavar="create|role|reset|remove|list")
     create = verbs.add_parser("create", help="create an account; asks for a password, or makes one")
     create.add_argument("name", help="the name to sign in with")
-    create.add_argument("--role", choices=_NAMES, default="own", help=f"{_ROLES} (own)")
+    create.add_argument("--role", choices=_ROLE_NAMES, default="own", help=f"{_RIGHTS} (own)")
     role = verbs.add_parser("role", help="give an account another role and sign it out everywhere")
     role.add_argument("name", help="the account")
-    role.add_argument("role", choices=_NAMES, help=_ROLES)
+    role.add_argument("role", choices=_ROLE_NAMES, help=_RIGHTS)
     reset = verbs.add_parser("reset", help="set a new password and sign the account out everywhere")
     reset.add_argument("name", help="the account")
     remove = verbs.add_parser("remove", help="delete an account; the audit log keeps its actions")

@@ -61,6 +61,7 @@ def test_a_countdown_that_finds_nobody_is_stopped(chromium: Browser, server: Fak
         server.send(Paused("blur", 30.0))
         come_back(page)
         server.wait_for(lambda server: len(server.of(Ready)) == 2)
+        assert server.of(Away) == [Away("blur")], "said once"
 
 
 def test_a_browser_that_never_says_that_the_page_has_the_focus_plays(chromium: Browser, server: FakeGameServer) -> None:

@@ -9,6 +9,7 @@ import pytest
 from server.play import messages as m
 from server.play.clock import Clock
 from server.play.episode_spec import EpisodeSpec
+from server.play.game import Game
 from server.play.games import Games
 from server.play.recorder import EpisodeRecord
 from tests.support.live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
@@ -36,6 +37,14 @@ class RunningGames:
         game = await self.games.join(episode, 0, connection)
         game.receive(0, connection, m.Ready())
         return connection
+
+    async def under_way(self) -> tuple[QuietConnection, Game]:
+        """Play the first episode for a few timesteps."""
+        connection = await self.play()
+        await until(lambda: self.ticks() > 3)
+        game = self.games.get("e1")
+        assert game is not None
+        return connection, game
 
     def ticks(self, episode: str = "e1") -> int:
         return len(self.recorder.ticks_of.get(episode, {}))

@@ -90,8 +90,7 @@ def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws:
         Result("exclusions", "analysed", condition="all", unit="people", n=episodes["participant"].n_unique()),
         *reward_tests_of(episodes, design, draws, seed),
         *model.rows,
-        *questionnaires.means(answers, CONDITIONS, AGENTS),
-        *questionnaires.tests(answers, CONDITIONS, AGENTS),
+        *questionnaires.rows(answers, CONDITIONS, AGENTS),
     )
     analysis = SimpleNamespace(
         rows=rows,

@@ -16,7 +16,7 @@ import { isStarted } from '../board/state.js';
 const LOST_AFTER_MS = 700; // the first connection of a page may take this long before the page mentions it
 const SILENT_TICKS = 6;
 /** Pauses in which nobody's absence counts. */
-const SERVER_REASONS = new Set(['database', 'researcher']);
+const UNCOUNTED_REASONS = new Set(['database', 'researcher']);
 /** Pauses that the participant ends. */
 const OWN_REASONS = new Set(['hidden', 'blur', 'lost', 'other_tab', 'server']);
 
@@ -91,7 +91,7 @@ function secondsUntilEnd(state, now) {
  * @param {State} state
  */
 function absenceCounts({ phase, pause, game }) {
-  if (phase === 'paused') return !(pause && SERVER_REASONS.has(pause.reason));
+  if (phase === 'paused') return !(pause && UNCOUNTED_REASONS.has(pause.reason));
   return phase === 'countdown' || phase === 'playing' || (phase === 'ready' && game !== null && game.resumed);
 }
 

@@ -155,10 +155,7 @@ async def test_lost_connection_comes_back_to_the_same_timestep(running: RunningG
 
 async def test_a_too_long_absence_forfeits_the_episode(running: RunningGames) -> None:
     running.specs["e1"] = make_spec(pause=PauseLimits(5.0, 60.0))
-    connection = await running.play()
-    await until(lambda: running.ticks() > 3)
-    game = running.games.get("e1")
-    assert game is not None
+    connection, game = await running.under_way()
     game.receive(0, connection, m.Away("hidden"))
     await until(lambda: connection.closed)
     result = running.recorder.results["e1"]

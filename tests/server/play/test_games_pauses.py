@@ -7,6 +7,7 @@ import pytest
 from server.play import games
 from server.play import messages as m
 from server.play.episode_spec import PauseLimits
+from server.play.game import Game
 from server.play.pause_reasons import DATABASE, RESEARCHER
 from tests.support.live_fakes import QuietConnection, make_spec
 from tests.support.running_games import SPEED, RunningGames, until
@@ -64,15 +65,18 @@ async def test_a_game_does_not_continue_before_a_participant_who_left_during_its
     assert running.ticks() == 41
 
 
-async def test_an_absence_while_the_researcher_pauses_a_game_does_not_end_it(running: RunningGames) -> None:
-    running.specs["e1"] = make_spec(pause=PauseLimits(2.0, 60.0))
-    connection = await running.play()
-    await until(lambda: running.ticks() > 3)
-    game = running.games.get("e1")
-    assert game is not None
+async def paused_and_left(running: RunningGames) -> Game:
+    """A game that the researcher pauses, and whose participant has been away for ten seconds since."""
+    connection, game = await running.under_way()
     game.pause(RESEARCHER, "researcher")
     game.leave(0, connection)
     await asyncio.sleep(10.0 / SPEED)
+    return game
+
+
+async def test_an_absence_while_the_researcher_pauses_a_game_does_not_end_it(running: RunningGames) -> None:
+    running.specs["e1"] = make_spec(pause=PauseLimits(2.0, 60.0))
+    game = await paused_and_left(running)
     assert game.session.phase == "paused"
     game.release(RESEARCHER)
     await until(lambda: running.recorder.results)
@@ -83,18 +87,11 @@ async def test_a_game_that_a_researcher_pauses_is_not_unloaded(
     running: RunningGames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(games, "FORGET_AFTER_S", 1.0)
-    connection = await running.play()
-    await until(lambda: running.ticks() > 3)
-    game = running.games.get("e1")
-    assert game is not None
-    game.pause(RESEARCHER, "researcher")
-    game.leave(0, connection)
-    await asyncio.sleep(10.0 / SPEED)
+    game = await paused_and_left(running)
     assert running.games.get("e1") is game, "it would continue without the researcher"
 
 
 async def test_a_server_that_stops_says_so(running: RunningGames) -> None:
-    connection = await running.play()
-    await until(lambda: running.ticks() > 3)
+    connection, _ = await running.under_way()
     await running.games.stop()
     assert {message.reason for message in connection.sent if isinstance(message, m.Paused)} == {"server"}
