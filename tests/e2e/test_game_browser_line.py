@@ -75,6 +75,14 @@ def test_the_start_pressed_on_the_page_before_counts(chromium: Browser, server: 
         server.wait_for(lambda server: bool(server.of(Ready)))
         settled(page, server)
         assert len(server.of(Ready)) == 1
+        assert page.is_hidden("#start"), "a button that is gone with the server's answer"
+
+
+def test_the_start_dialog_is_gone_as_soon_as_its_button_is_pressed(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        page.click("#start-button")
+        expect(page.locator("#start")).to_be_hidden()
+        server.wait_for(lambda server: bool(server.of(Ready)))
 
 
 def test_another_tab_takes_over_and_this_one_offers_the_choice(chromium: Browser, server: FakeGameServer) -> None:

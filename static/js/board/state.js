@@ -21,6 +21,7 @@ export const GLIDE_MAX_MS = 180;
  * @property {Phase} phase
  * @property {Wire.Welcome | null} game
  * @property {boolean} alone the participant waited for another person, and an agent takes the place
+ * @property {boolean} starting the participant wants to start, and the server has not answered yet
  * @property {Wire.KitchenState | null} previous the kitchen before the current one
  * @property {Wire.KitchenState | null} current
  * @property {number} arrivedMs when the current kitchen came
@@ -55,7 +56,7 @@ export const GLIDE_MAX_MS = 180;
  */
 export function defaults() {
   return {
-    ...{ link: 'connecting', linkSinceMs: 0, phase: 'waiting', game: null, alone: false },
+    ...{ link: 'connecting', linkSinceMs: 0, phase: 'waiting', game: null, alone: false, starting: false },
     ...{ previous: null, current: null, arrivedMs: 0, from: [], actions: [4, 4], marks: [], marksBefore: [] },
     ...{ intention: null, saysIntention: false, intentionMs: 0 },
     ...{ partnerSeen: true, partnerSeenBefore: true, unknown: [], asked: true },

@@ -45,6 +45,7 @@ function gameDialog(state, now) {
   if (state.phase === 'paused' || state.phase === 'room') return pauseDialog(state, now);
   if (!isStarted(state)) return dialog('none');
   if (state.phase === 'ready') {
+    if (state.starting) return dialog('none');
     return dialog('start', state.game.resumed ? 'resumed' : state.alone ? 'alone' : state.game.kind, null, true);
   }
   if (state.phase === 'countdown') return countdownDialog(state, now);

@@ -135,8 +135,9 @@ function receive(message) {
   const now = performance.now();
   // While the game is paused no key counts, and old keys do not act later.
   if (['paused', 'ended', 'superseded', 'welcome'].includes(message.type)) releaseKeys();
-  change({ ...apply(state, message, now), awayLimitS: config.away_s });
-  if (message.type === 'welcome') welcome(message);
+  const next = { ...apply(state, message, now), awayLimitS: config.away_s };
+  if (message.type === 'welcome') welcome(message, next);
+  else change(next);
   if (message.type === 'tick') tick(now);
   if (message.type === 'ended') sound.play('over');
   if (message.type === 'notice') notice.show(message.text);
@@ -164,14 +165,14 @@ function linkChanged(link) {
   change(applyLink(state, link === 'no_game' ? reloadOnce() : link, performance.now()));
 }
 
-/** @param {Wire.Welcome} message */
-function welcome(message) {
+/** @type {(message: Wire.Welcome, next: State) => void} */
+function welcome(message, next) {
   keys.marksOnDemand = message.show !== 'always';
+  const onReadyPage = message.kind === 'episode' && !message.resumed && config.ready_page && !next.alone;
+  const starting = (startedEpisode === message.episode || onReadyPage) && !absence();
+  change({ ...next, starting }); // with a start dialog that disappears at once somebody would try to press its button
   fit();
-  change(state);
-  const onReadyPage = message.kind === 'episode' && !message.resumed && config.ready_page && !state.alone;
-  const pressedStart = startedEpisode === message.episode || onReadyPage;
-  if (pressedStart && !absence()) start();
+  if (starting) start();
 }
 
 /** The participant pressed start or came back. */
@@ -179,6 +180,7 @@ function start() {
   if (!state.game || !connection.send(ready())) return;
   startedEpisode = state.game.episode;
   leftPage = false;
+  change({ ...state, starting: true });
   stage.focus({ preventScroll: true });
 }
 
@@ -189,9 +191,7 @@ function press(change) {
   if (change.tap !== null && change.tap < 4) state = applyTurn(state, change.tap, seq);
 }
 
-function inPlay() {
-  return state.link === 'open' && ['playing', 'countdown'].includes(state.phase);
-}
+const inPlay = () => state.link === 'open' && ['playing', 'countdown'].includes(state.phase);
 
 /** Whether an absence counts: the participant has pressed start, and the game is not over. It may be paused. */
 function hasStarted() {
