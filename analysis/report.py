@@ -34,6 +34,7 @@ from analysis import (
 )
 from analysis.accuracy import degraded_to
 from analysis.changed_files import changed_notice
+from analysis.changed_models import models_notice
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.quality_decisions import ANALYSED, with_decisions
@@ -171,6 +172,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             draws=options.draws,
             versions=versions_notice(analysis.export),
             changed=changed_notice(analysis.export.folder),
+            models=models_notice(analysis.export),
             figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
             script=Markup((HERE / "report.js").read_text(encoding="utf-8")),  # noqa: S704

@@ -51,6 +51,10 @@ class Versions(Protocol):
 
     changed: dict[str, ChangedStudy]
 
+    def fingerprint(self, layout: str, model: str) -> str | None:
+        """Return the SHA-256 of a loaded model; None for one without files."""
+        ...
+
     def look(self) -> None:
         """Find the files that differ from the version served."""
         ...

@@ -16,6 +16,7 @@ from sqlalchemy import Connection, select
 
 from models.inference.runner import ModelServer
 from models.inference.supervised_worker import ModelsDown
+from server.participation.model_hashes import ModelHashes, changed_models
 from server.participation.own_kitchens import (
     keep_own_models,
     load_with_kitchens,
@@ -61,6 +62,8 @@ class StudyVersions:
         self._refused: set[str] = set()  # SHA-256 of versions from drafts that cannot be served
         self._stamps = {name: _stamp(Path(file.source)) for name, file in self._served.items()}
         self._required = required_models(files)
+        self._hashes = ModelHashes()
+        self._hashes.loaded(self._required)
         self._opened_at = dict.fromkeys(self._served, NEVER_CHOSEN)
         self._prepared: dict[str, tuple[int, StudyFile]] = {}  # by SHA-256
         self.changed: dict[str, ChangedStudy] = {}
@@ -71,7 +74,7 @@ class StudyVersions:
 
     def fingerprint(self, layout: str, model: str) -> str | None:
         """Return the SHA-256 that identifies a model in the data."""
-        return self._required.fingerprint(layout, model)
+        return self._hashes.of(layout, model)
 
     async def begin(self, database: Database, joins: bool = False) -> None:
         """Load the models that participants of earlier versions need. `joins`: other processes serve already, so this
@@ -82,6 +85,9 @@ class StudyVersions:
             await self._follow()
         await self.serve_opened(database)
         await self.load_earlier(database)
+        for name, file in self._served.items():
+            for words in await database.read(changed_models, name, file.sha256, self.fingerprint):
+                log.warning("%s: %s", name, words)
 
     async def run(self) -> None:
         """Check the files every few seconds, and the other processes if there are any."""
@@ -277,6 +283,7 @@ class StudyVersions:
 
     async def _load(self, required: RequiredModels) -> None:
         await self._models.add(required.agents, required.predictors, required.grids, required.paths)
+        self._hashes.loaded(required)
 
 
 def _stamp(path: Path) -> _Stamp:

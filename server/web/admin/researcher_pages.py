@@ -10,6 +10,7 @@ from server.monitoring.arms import arm_names
 from server.monitoring.dashboard import step_name, steps_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
+from server.participation.model_hashes import changed_models
 from server.participation.study_warnings import warnings_of
 from server.store import admins, answers, attempts, audit, decisions, overview, participants, study_openings
 from server.store.overview import Played
@@ -154,7 +155,10 @@ async def dashboard(request: Request, name: str, admin: WatchDep, services: Serv
     new = changed if changed is not None and not changed.problem and admin.may("act") else None
     served = None if stops["closed"] else versions.file_of(name)
     context: dict[str, Any] = stops | {"versions": len(study_ids), "new": new, "address": page.study_address(name)}
-    context["doubts"] = [] if served is None else await asyncio.to_thread(warnings_of, served)
+    context["doubts"] = []
+    if served is not None:
+        changed_since = await web.database.read(changed_models, name, served.sha256, versions.fingerprint)
+        context["doubts"] = [*changed_since, *await asyncio.to_thread(warnings_of, served)]
     return page.render("dashboard.html", tab="live", study=study, **context)
 
 
