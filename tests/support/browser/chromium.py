@@ -1,9 +1,12 @@
 """How the tests and benchmarks start Chromium."""
 
 import asyncio
+import os
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from playwright.sync_api import Browser, Error, sync_playwright
 
@@ -33,10 +36,23 @@ CHROMIUM_ARGUMENTS = [
 def installed_chromium() -> str:
     """Return the path of the browser. The headless shell, the same engine without a browser's windows and menus, takes
     a fifth less of a processor; where it is not installed, the whole browser runs headless. Fail if there is none."""
-    names = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
-    executable = next(filter(None, map(shutil.which, names)), None)
+    shell = shutil.which("chromium-headless-shell") or _shell_of_playwright()
+    names = ("chromium", "chromium-browser", "google-chrome")
+    executable = shell or next(filter(None, map(shutil.which, names)), None)
     assert executable, "no Chromium is installed: run `make system`, or install the package `chromium`"
     return executable
+
+
+def _shell_of_playwright() -> str | None:
+    """Return the newest headless shell that `playwright install chromium` has put on this machine."""
+    cache = Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
+    folder = Path(os.environ.get("PLAYWRIGHT_BROWSERS_PATH") or cache / "ms-playwright")
+    found = [
+        (int(path.parents[1].name.rpartition("-")[2]), str(path))
+        for path in folder.glob("chromium_headless_shell-*/*/*headless*shell")
+        if os.access(path, os.X_OK) and path.is_file()
+    ]
+    return max(found)[1] if found else None
 
 
 class SharedChromium:
