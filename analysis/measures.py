@@ -37,6 +37,8 @@ def episode_measures(export: Export) -> pl.DataFrame:
     ):
         episodes = episodes.join(table, on="episode", how="left")
     hidden = _without_server_failures(export.pauses).filter(pl.col("reason").is_in(["hidden", "blur"]))
+    if "of_person" in hidden.columns:
+        hidden = hidden.filter("of_person")
     hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").cast(pl.Float64).sum())
     failed = export.participants.select("participant", pl.col("attention_failed").cast(pl.Int64))
     episodes = episodes.join(failed, on="participant", how="left", maintain_order="left")

@@ -38,7 +38,8 @@ class Export:
     tick_ms, and watched_person, which is empty except in a round of two people: such a round counts once, for the
     participant who is not watched. answers: participant, episode, question, value (only what was stored as a number,
     never text that looks like one), of the participant for whom the episode counts. pauses: episode, reason,
-    duration_ms, and started_at where the export has it. ticks: episode, timestep, person and partner (actions of this
+    duration_ms, of_person (false: the watched person's absence, true also where nobody knows whose it was), and
+    started_at where the export has it. ticks: episode, timestep, person and partner (actions of this
     timestep), predicted_1..3 (the partner's most probable actions in this timestep and the next two), late, and the
     person's key_client_ms and key_received_ms. `excluded` is the researcher's
     reason, empty for what is analysed. Tutorials and watched games are left out.
@@ -140,7 +141,7 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
         episodes,
         numbers.drop_nulls("episode"),
         _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
-        _pauses(raw["pauses"]).join(played, on="episode", how="semi"),
+        _pauses(raw["pauses"], episodes),
         _about(folder, study, version) if study else {},
         version,
         raw.get("reliance", pl.DataFrame()),
@@ -229,8 +230,11 @@ def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
     ).sort("episode", "timestep")
 
 
-def _pauses(table: pl.DataFrame) -> pl.DataFrame:
-    """Pauses with `started_at` as a time, where they have it: in CSV it is text."""
+def _pauses(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
+    """Pauses of these episodes with `of_person`, and `started_at` as a time, where they have it: in CSV it is text."""
+    table = _with_default(table, "seat", None).join(episodes.select("episode", "watched_seat"), on="episode")
+    of_partner = pl.col("seat").cast(pl.Int64, strict=False) == pl.col("watched_seat").cast(pl.Int64)
+    table = table.with_columns(of_person=~of_partner.fill_null(value=False)).drop("watched_seat")
     if table.schema.get("started_at") != pl.String:
         return table
     return table.with_columns(pl.col("started_at").str.to_datetime(time_unit="us", time_zone="UTC", strict=False))
