@@ -6,19 +6,22 @@ the mean over the combinations. The people of a condition, who met the blocks in
 same levels are averaged with equal weight, and only variance within groups is error, so that an effect of the blocks'
 order does not count as an effect of the levels (Hills and Armitage 1979). That needs the same
 average block for every level, so that a steady change over the blocks, such as practice, cancels; where the orders that
-are left lack that, there is no test. Balanced data give the tests of a split-plot
-analysis of variance. Where an effect within people has several differences, its degrees of freedom are corrected
-(Greenhouse and Geisser 1959).
+are left lack that, they are weighted (block_orders), and where no weights give it, there is no test. Balanced data give
+the tests of a split-plot analysis of variance. Where an effect within people has several differences, its degrees of
+freedom are corrected (Greenhouse and Geisser 1959).
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis import compare, factorial, mixed_model
+from analysis.block_orders import WEIGHTED, order_weights
 from analysis.factorial import PREFIX, SIMPLE, Array, Factors, contrast_weights
 from analysis.groups import computed
 from analysis.results import Result
@@ -51,6 +54,27 @@ class RepeatedCells:
     @property
     def people(self) -> int:
         return sum(len(values) for _, values in self.groups)
+
+    @cached_property
+    def weights(self) -> Array | None:
+        """Of each group, among those with the same levels between people; None where no weights give every combination
+        within people the same average block."""
+        found = np.zeros(len(self.groups))
+        for levels in dict.fromkeys(between for between, _ in self.groups):
+            mine = [place for place, (between, _) in enumerate(self.groups) if between == levels]
+            weights = order_weights([self.orders[place] if self.orders else () for place in mine])
+            if weights is None:
+                return None
+            found[mine] = weights
+        return found
+
+    @property
+    def weighted_words(self) -> str:
+        """Return for a note that orders do not count the same, and how many do not count; empty where they do."""
+        if self.weights is None or np.allclose(self.weights, _of_groups_alike(self)):
+            return ""
+        unused = int((self.weights == 0).sum())
+        return f", {WEIGHTED}" + (f" ({unused} of {len(self.groups)} by 0)" if unused else "")
 
 
 def within_of(export: Export) -> tuple[str, ...]:
@@ -120,7 +144,8 @@ def of_repeated(cells: RepeatedCells, question: str) -> list[Result]:
         named = replace(base, contrast=factorial.BY.join(term))
         rows.append(computed(tested, named, cells, term))
         if factorial.has_one_difference(cells.factors, term):
-            named = replace(named, test="difference", note=factorial.difference_words(cells.factors, term))
+            words = factorial.difference_words(cells.factors, term) + cells.weighted_words
+            named = replace(named, test="difference", note=words)
             rows.append(computed(difference, named, cells, term))
     return [*rows, *_marginal_means(replace(base, test="marginal_mean"), cells), *_simple_effects(base, cells)]
 
@@ -134,17 +159,15 @@ def problem_with(cells: RepeatedCells) -> str:
             return f"nobody has values in all blocks{' with ' + where if where else ''}"
     if cells.people == len(cells.groups):
         return "every order of the blocks has one person"
-    return _imbalance(cells)
+    return "" if cells.weights is not None else _imbalance(cells)
 
 
 def _imbalance(cells: RepeatedCells) -> str:
-    """Return where some levels come earlier on average than others in the orders that are left; empty if nowhere. The
-    effect of the levels would contain a steady change over the blocks."""
-    inner = list(product(*cells.inner.values()))
+    """Return where some levels come earlier on average than others in the orders that are left, however these are
+    weighted. The effect of the levels would contain a steady change over the blocks."""
     for levels in product(*cells.outer.values()):
-        orders = [order for (between, _), order in zip(cells.groups, cells.orders, strict=False) if between == levels]
-        places = {combination: sum(order.index(combination) for order in orders) for combination in inner}
-        if len(set(places.values())) > 1:
+        orders = [order for (between, _), order in zip(cells.groups, cells.orders, strict=True) if between == levels]
+        if order_weights(orders) is None:
             where = ", ".join(f"{name} {level}" for name, level in zip(cells.outer, levels, strict=True))
             return (
                 f"the orders of the blocks{' with ' + where if where else ''} are not balanced: some levels come "
@@ -160,10 +183,21 @@ def _weights(cells: RepeatedCells, term: Sequence[str]) -> tuple[Array, Array]:
 
 
 def _of_groups(cells: RepeatedCells, outer: Array) -> Array:
-    """Weights of the combinations between people, shared equally by the groups that have them."""
+    """Weights of the combinations between people, shared by the groups that have them: equally, if these are all."""
+    if cells.weights is None:
+        raise ValueError(_imbalance(cells))
+    return np.asarray(outer[:, _places(cells)] * cells.weights)
+
+
+def _places(cells: RepeatedCells) -> NDArray[np.int64]:
+    """Of each group, the place of its combination of levels between people."""
     order = list(product(*cells.outer.values()))
-    place = np.array([order.index(between) for between, _ in cells.groups])
-    return np.asarray(outer[:, place] / np.bincount(place)[place])
+    return np.array([order.index(between) for between, _ in cells.groups])
+
+
+def _of_groups_alike(cells: RepeatedCells) -> Array:
+    place = _places(cells)
+    return np.asarray(1 / np.bincount(place)[place])
 
 
 def tested(base: Result, cells: RepeatedCells, term: Sequence[str]) -> Result:
@@ -182,6 +216,7 @@ def tested(base: Result, cells: RepeatedCells, term: Sequence[str]) -> Result:
     df, df_rest = len(outer) * count * epsilon, rest * count * epsilon
     about = WITHIN if any(name in cells.within for name in term) else "between people"
     note = f"{about}, Greenhouse-Geisser epsilon {epsilon:.3f}" if count > 1 else about
+    note += cells.weighted_words
     return factorial.f_tested(replace(base, note=note), float(f), df, df_rest)
 
 
