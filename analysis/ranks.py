@@ -96,18 +96,26 @@ def kruskal_wallis(
     everybody = people_of(chosen, measure)
     size = everybody.condition.size
     member = dealt(everybody.condition, draws, seed) if everybody.arms > 1 else np.empty(0)
-    rows, people, statistics = [], [], []
+    rows, tested, people, statistics, alone = [], [], [], [], []
     for agent in agents:
         mask = np.ones(chosen.height, bool) if agent == ALL else (chosen["agent"] == agent).to_numpy()
         part = People(everybody.values[mask], everybody.person[mask], everybody.condition)
         rows.append(_published(part, agent, draws, seed))
-        if not math.isnan(rows[-1].p):
-            sums = np.bincount(part.person, stats.rankdata(part.values), size)
-            counts = np.bincount(part.person, minlength=size)
-            statistics.append(spread(member, _column(sums), _column(counts)))
-            people.append(int(np.count_nonzero(counts)))
-    tested = [row for row in rows if not math.isnan(row.p)]
-    return rows + (_permuted(tested, people, np.stack([shares(one) for one in statistics])) if tested else [])
+        counts = np.bincount(part.person, minlength=size)
+        played = int(np.count_nonzero(counts))
+        of_condition = np.bincount(part.condition[counts > 0])
+        if math.isnan(rows[-1].p):
+            continue
+        if of_condition[of_condition > 0].min() < 2:  # permutations of one person each are all alike
+            note = "fewer than two people in a condition"
+            alone.append(Result("reward", "kruskal_wallis_people", ALL, agent, n=played, unit="people", note=note))
+            continue
+        sums = np.bincount(part.person, stats.rankdata(part.values), size)
+        statistics.append(spread(member, _column(sums), _column(counts)))
+        people.append(played)
+        tested.append(rows[-1])
+    rows += _permuted(tested, people, np.stack([shares(one) for one in statistics])) if tested else []
+    return rows + alone
 
 
 def _column(of_people: NDArray[Any]) -> Values:
