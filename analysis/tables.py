@@ -142,7 +142,7 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
         numbers.drop_nulls("episode"),
         _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
         _pauses(raw["pauses"], episodes),
-        _about(folder, study, version) if study else {},
+        _about(folder, study, version, participants) if study else {},
         version,
         raw.get("reliance", pl.DataFrame()),
         numbers.join(participants.select("participant"), on="participant", how="semi"),
@@ -240,10 +240,18 @@ def _pauses(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
     return table.with_columns(pl.col("started_at").str.to_datetime(time_unit="us", time_zone="UTC", strict=False))
 
 
-def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
+def _taken_part(files: list[Path], participants: pl.DataFrame) -> list[Path]:
+    """Return the versions of the study file under which somebody took part; none where the export does not say."""
+    if "study_version" not in participants.columns:
+        return []
+    numbers = participants["study_version"].cast(pl.Int64, strict=False).drop_nulls().unique()
+    return [file for file in files if file.stem.rpartition("-")[2] in {str(number) for number in numbers}]
+
+
+def _about(folder: Path, study: str, version: int | None, participants: pl.DataFrame) -> dict[str, Any]:
     """Return what the export has in addition to its tables: about.json, and `title`, `factors` (with levels),
-    `conditions` and `layouts` (names in order) of the chosen version of the study file, else of the newest one, where
-    it lies in the export."""
+    `conditions` and `layouts` (names in order) of the chosen version of the study file, else of the newest one under
+    which somebody took part, where it lies in the export."""
     path = folder / "about.json"
     try:
         said = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -253,6 +261,7 @@ def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
     plain = re.fullmatch(r"[\w-]+", study)  # never outside the folder
     files = folder.glob(f"studies/{study}_version-{'*' if version is None else version}.yaml") if plain else ()
     versions = sorted(files, key=lambda file: (len(file.name), file.name))
+    versions = _taken_part(versions, participants) or versions
     try:
         text = versions[-1].read_text(encoding="utf-8") if versions else "{}"
         said = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - texts only, as they were written
