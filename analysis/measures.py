@@ -67,11 +67,13 @@ def _without_server_failures(pauses: pl.DataFrame) -> pl.DataFrame:
 
 
 def analysed(episodes: pl.DataFrame, participants: pl.DataFrame) -> pl.DataFrame:
-    """Return the episodes that count: played to their end by somebody who finished the study; neither of them excluded
-    by the researcher."""
+    """Return the episodes that count: played to their end by somebody who finished the study; neither of them, nor the
+    person who was watched in it, excluded by the researcher."""
     people = participants.filter((pl.col("status") == "completed") & (pl.col("excluded") == ""))
     counting = episodes.filter((pl.col("status") == "done") & (pl.col("excluded") == ""))
-    return counting.join(people.select("participant"), on="participant", how="semi", maintain_order="left")
+    excluded = participants.filter(pl.col("excluded") != "").select(watched_person="participant")
+    counting = counting.join(people.select("participant"), on="participant", how="semi", maintain_order="left")
+    return counting.join(excluded, on="watched_person", how="anti", maintain_order="left")
 
 
 def _runs(ticks: pl.DataFrame) -> pl.DataFrame:

@@ -98,6 +98,14 @@ def test_a_difference_that_turns_with_the_agent_is_said_to_depend_on_it() -> Non
     assert "did not differ significantly between ToM" in one(said, "mixed model")
 
 
+def test_layouts_whose_answers_are_not_compared_are_named(nothing: Said) -> None:
+    text = one(nothing, "Answers about")
+    assert text.startswith(
+        "Answers about Coordination Ring, Double Rings, Double Counters and Matrix, "
+        "and not those about Clear Division, were averaged"
+    )
+
+
 def test_every_question_and_comparison_has_a_sentence_also_without_a_finding(nothing: Said) -> None:
     tests = select(nothing.rows, section="questionnaire", test="t_test_people")
     assert len(tests) == 3 * 3 * len(AGENTS)
