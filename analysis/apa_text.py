@@ -57,8 +57,8 @@ def _effects_finding(analysis: Analysis) -> str:
 def _reward_finding(analysis: Analysis) -> str:
     tests = with_p(select(analysis.rows, section="reward", test="kruskal_wallis_people"))
     if not tests:
-        over = ("kruskal_wallis_people", "kruskal_wallis")  # where the second has a p, its note is no reason
-        tried = [row for test in over for row in select(analysis.rows, section="reward", test=test) if row.n]
+        kinds = ("kruskal_wallis_people", "kruskal_wallis")  # where the second has a p, its note is no reason
+        tried = [row for test in kinds for row in select(analysis.rows, section="reward", test=test) if row.n]
         return f"The conditions could not be compared by reward: {note(tried[0])}." if tried else ""
     sure = [agent(row.agent) for row in tests if significant(row)]
     values = ", ".join(f"{agent(row.agent)} <i>p</i> {p_equals(row.p_adjusted)}" for row in tests)
