@@ -1,45 +1,53 @@
-"""Weights of the orders in which people met blocks, so that no level comes earlier than another on average.
+"""Weights of means by order and level, where some orders in which people met blocks are missing.
 
-With all rows of a balanced Latin square, every order counts the same. Where an order is lost, equal weights would count
-a steady change over the blocks, such as practice, as an effect of the levels that are then left earlier or later. The
-orders that are there are weighted instead, as equally as that allows.
+With all rows of a balanced Latin square, every order counts the same, and what a block adds to each level cancels.
+Where an order is lost, what the blocks add, such as practice, would count as an effect of the levels that are then left
+earlier or later. Levels are then estimated next to effects of the blocks and of people: with equal orders, these are
+the estimates of least squares.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 Array = NDArray[np.float64]
 Order = tuple[tuple[str, ...], ...]  # combinations of levels, as their blocks came
-NEAR = 1e-8
-WEIGHTED = "orders of the blocks weighted"  # in the note of a test
-WHY = "so that no level comes earlier than others on average"  # after that, in a sentence
+NEAR = 1e-9
+ADJUSTED = "levels adjusted for the block"  # in the note of a test
+WHY = "as some orders of the blocks are missing"
 
 
-def order_weights(orders: Sequence[Order]) -> Array | None:
-    """Return weights of the orders, at least 0 with sum 1, under which every combination has the same average place:
-    those nearest to equal ones. None where there are no such weights."""
-    equal = np.full(len(orders), 1 / len(orders))
-    if not all(orders):  # unknown
+def is_balanced(orders: Sequence[Order]) -> bool:
+    """Return whether every combination has the same average block over the orders, or these are unknown."""
+    if not all(orders):
+        return True
+    places = np.array([[order.index(levels) for levels in orders[0]] for order in orders])
+    return len(set(places.sum(axis=0).tolist())) == 1
+
+
+def by_order(weights: Array, inner: Sequence[tuple[str, ...]], orders: Sequence[Order]) -> Array | None:
+    """Return weights of means, (orders, combinations), that add up to `weights` (combinations, in the order of `inner`)
+    and to the same in each order; unless the orders are balanced, also to the same in each block. None where blocks and
+    combinations cannot be told apart."""
+    count, size = len(orders), len(inner)
+    equal = np.tile(weights / count, (count, 1))
+    if is_balanced(orders):
         return equal
-    places = np.array([[order.index(levels) for levels in sorted(orders[0])] for order in orders], dtype=np.float64)
-    apart = (places - places.mean(axis=1, keepdims=True)).T  # (combinations, orders)
-    if np.abs(apart @ equal).max() < NEAR:
-        return equal
-    wanted = np.concatenate([np.zeros(len(apart)), np.ones(1)])
-    return _nearest(np.concatenate([apart, np.ones((1, len(orders)))]), wanted, equal)
+    cells = np.arange(count * size).reshape(count, size)  # a column for each mean
+    block = np.array([[order.index(levels) for levels in inner] for order in orders])
+    sums = [cells[:, level] for level in range(size)] + list(cells)
+    sums += [cells[block == place] for place in range(size)]
+    system = np.zeros((len(sums), count * size))
+    for row, chosen in enumerate(sums):
+        system[row, chosen] = 1.0
+    wanted = np.concatenate([weights, np.full(count, weights.sum() / count), np.full(size, weights.mean())])
+    found = np.linalg.lstsq(system, wanted)[0]  # the shortest: the smallest error
+    is_solution = np.abs(system @ found - wanted).max() <= NEAR * max(1.0, float(np.abs(weights).max()))
+    return found.reshape(count, size) if is_solution else None
 
 
-def _nearest(system: Array, wanted: Array, start: Array) -> Array | None:
-    """Return the x at least 0 with system @ x = wanted that is nearest to `start`; None if there is none.
-
-    The conditions weigh a million times as much as the distance; what is left of their error is then taken away among
-    the entries above 0."""
-    found = optimize.nnls(np.concatenate([1e6 * system, np.eye(len(start))]), np.concatenate([1e6 * wanted, start]))[0]
-    kept = found > NEAR
-    exact = np.zeros(len(start))
-    exact[kept] = found[kept] + np.linalg.lstsq(system[:, kept], wanted - system[:, kept] @ found[kept])[0]
-    is_solution = np.abs(system @ exact - wanted).max() < NEAR and exact.min() >= 0
-    return exact if is_solution else None
+def can_separate(inner: Sequence[tuple[str, ...]], orders: Sequence[Order]) -> bool:
+    """Return whether the differences between all combinations can be told apart from what the blocks add."""
+    differences = np.eye(len(inner)) - 1 / len(inner)
+    return all(by_order(weights, inner, orders) is not None for weights in differences)

@@ -33,7 +33,7 @@ from analysis import (
     sensitivity_text,
 )
 from analysis.accuracy import degraded_to
-from analysis.block_orders import WEIGHTED, WHY
+from analysis.block_orders import ADJUSTED, WHY
 from analysis.changed_files import changed_notice
 from analysis.changed_models import models_notice
 from analysis.compare import repeats
@@ -179,8 +179,8 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
             script=Markup((HERE / "report.js").read_text(encoding="utf-8")),  # noqa: S704
             within=analysis.within,
-            weighted=WEIGHTED,
-            weighted_why=WHY,
+            adjusted=ADJUSTED,
+            adjusted_why=WHY,
             primary=[Markup(text) for text in _primary(analysis)],  # noqa: S704
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
             sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704

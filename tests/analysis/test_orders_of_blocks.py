@@ -11,10 +11,10 @@ import pytest
 from statsmodels.formula.api import ols
 
 from analysis import apa_text, factorial_text, factorial_within
-from analysis.block_orders import WEIGHTED, WHY
+from analysis.block_orders import ADJUSTED, WHY
 from analysis.factorial_within import RepeatedCells
 from analysis.report import Report, write_report
-from analysis.results import select
+from analysis.results import Result, select
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
 from server.study.latin_square import balanced_square
@@ -87,84 +87,94 @@ def cells_of(orders: list[tuple[str, ...]], outer: tuple[str, ...] = ()) -> Repe
     )
 
 
-def test_a_latin_square_without_one_order_is_tested_with_weights_of_the_others() -> None:
-    """Every later block adds 10 points, and each order something of its own, which is neither effect nor error."""
+@pytest.mark.parametrize("left_out", range(6))
+def test_a_latin_square_without_one_order_is_tested_next_to_effects_of_the_blocks(left_out: int) -> None:
+    """With equal orders, the estimates are those of least squares with levels, blocks and people."""
     square = [tuple(LEVELS[place] for place in row) for row in balanced_square(3)]
-    assert len(square) == 6
-    for orders in (square, square[:3]):  # the rows without their mirrors are balanced too
-        cells = cells_of(orders)
-        assert factorial_within.problem_with(cells) == ""
-        assert cells.weights == pytest.approx(np.full(len(orders), 1 / len(orders)))
-        (plain,) = select(factorial_within.of_repeated(cells, ""), test="anova")
-        assert WEIGHTED not in plain.note
-    for left_out in range(6):
-        cells = cells_of(square[:left_out] + square[left_out + 1 :])
-        assert cells.weights is not None
-        assert cells.weights.min() > 0.1
-        drift = [[10.0 * order.index((level,)) for level in LEVELS] for order in cells.orders]
-        moved = replace(
-            cells,
-            groups=tuple(
-                (between, values + np.array(later) + 3 * place)
-                for place, ((between, values), later) in enumerate(zip(cells.groups, drift, strict=True))
-            ),
-        )
-        for test in ("anova", "simple_effect"):
-            before, after = (select(factorial_within.of_repeated(one, ""), test=test) for one in (cells, moved))
-            assert [row.p for row in after] == pytest.approx([row.p for row in before])
-            assert [row.estimate for row in after] == pytest.approx([row.estimate for row in before], nan_ok=True)
-        (row,) = select(factorial_within.of_repeated(cells, ""), test="anova")
-        assert row.note.endswith(f", {WEIGHTED}")
-        (sentence,) = factorial_text.factorial_sentences([row])
-        assert f"with the {WEIGHTED} {WHY}" in sentence
-    assert "are not balanced" in factorial_within.problem_with(cells_of(square[:2]))
-
-
-def test_weighted_orders_give_the_regression_of_statsmodels() -> None:
-    """Two levels between people, an order lost in one of them: the difference of two levels within people, by the
-    means of the orders of each, with the variance within orders."""
-    square = [tuple(LEVELS[place] for place in row) for row in balanced_square(3)]
-    both = cells_of(square, ("off", "on"))
-    cells = RepeatedCells(both.factors, both.within, both.groups[:-1], both.orders[:-1])
-    (row,) = select(
-        factorial_within.of_repeated(cells, ""),
-        test="simple_effect",
-        contrast="prediction: tom - none",
-        condition="opacity on",
-    )
-    scores = [values @ np.array([-1.0, 0.0, 1.0]) for _, values in cells.groups]
+    cells = cells_of(square[:left_out] + square[left_out + 1 :])
+    rows = factorial_within.of_repeated(cells, "")
+    (test,) = select(rows, test="anova")
+    assert test.note.endswith(f", {ADJUSTED}")
+    assert np.isfinite(test.p)
+    (sentence,) = factorial_text.factorial_sentences([test])
+    assert f"with the {ADJUSTED}, {WHY}" in sentence
     data = pd.DataFrame(
-        {"value": value, "group": f"g{number:02d}"} for number, part in enumerate(scores) for value in part
+        {"value": value, "level": level, "block": order.index((level,)), "person": f"{number}-{person}"}
+        for number, ((_, people), order) in enumerate(zip(cells.groups, cells.orders, strict=True))
+        for person, values in enumerate(people)
+        for level, value in zip(LEVELS, values, strict=True)
     )
-    model = ols("value ~ C(group) - 1", data).fit()
-    weights = np.zeros(11)
-    assert cells.weights is not None
-    weights[6:] = cells.weights[6:]
-    assert sorted(weights[6:]) == pytest.approx([1 / 9, 1 / 6, 1 / 6, 5 / 18, 5 / 18])
-    test = model.t_test(weights)
-    assert row.estimate == pytest.approx(float(test.effect[0]))
-    assert (row.statistic, row.p, row.df) == pytest.approx((float(test.tvalue[0, 0]), float(test.pvalue), 33))
+    model = ols("value ~ C(level) + C(block) + C(person)", data).fit()
+    for row, level in zip(select(rows, test="simple_effect"), ("random", "tom"), strict=False):
+        assert row.contrast == f"prediction: {level} - none"
+        assert row.estimate == pytest.approx(model.params[f"C(level)[T.{level}]"])
+        assert row.df == 15
+    means = select(rows, test="marginal_mean")
+    assert means[2].estimate - means[0].estimate == pytest.approx(model.params["C(level)[T.tom]"])
 
 
-def test_orders_that_have_to_be_left_out_are_counted_in_the_note() -> None:
-    """Of four rows of a Latin square of four levels, a mirrored pair is balanced alone."""
-    levels = ("a", "b", "c", "d")
-    square = [tuple(levels[place] for place in row) for row in balanced_square(4)]
-    generator = np.random.default_rng(3)
-    cells = RepeatedCells(
-        {"prediction": levels},
-        ("prediction",),
-        tuple(((), generator.normal(60, 9, (4, 4))) for _ in range(3)),
-        tuple(tuple((level,) for level in order) for order in square[:3]),
+@pytest.mark.parametrize("left_out", [0, 4])
+def test_nothing_that_blocks_or_orders_add_is_an_effect_of_the_levels(left_out: int) -> None:
+    """Learning is fast at first: 20 points in the second block, and 5 in the third."""
+    square = [tuple(LEVELS[place] for place in row) for row in balanced_square(3)]
+    cells = cells_of(square[:left_out] + square[left_out + 1 :])
+    later = [[(0.0, 20.0, 25.0)[order.index((level,))] for level in LEVELS] for order in cells.orders]
+    groups = (
+        (between, values + np.array(added) + 3 * place)
+        for place, ((between, values), added) in enumerate(zip(cells.groups, later, strict=True))
     )
-    (row,) = select(factorial_within.of_repeated(cells, ""), test="anova")
-    assert row.note.endswith(f", {WEIGHTED} (1 of 3 by 0)")
+    moved = replace(cells, groups=tuple(groups))
+    for test in ("anova", "simple_effect"):
+        before, after = (select(factorial_within.of_repeated(one, ""), test=test) for one in (cells, moved))
+        assert [row.p for row in after] == pytest.approx([row.p for row in before])
+        assert [row.estimate for row in after] == pytest.approx([row.estimate for row in before], nan_ok=True)
+
+
+def test_tests_next_to_effects_of_the_blocks_are_as_often_significant_as_alpha_says() -> None:
+    square = [tuple(LEVELS[place] for place in row) for row in balanced_square(3)][1:]
+    generator = np.random.default_rng(4)
+    found, studies = 0, 1500
+    cells = cells_of(square)
+    for _ in range(studies):
+        values = (generator.normal(60, 9, (5, 1)) + generator.normal(0, 6, (5, 3)) for _ in square)
+        one = replace(cells, groups=tuple(((), people) for people in values))
+        found += factorial_within.tested(Result("", ""), one, ("prediction",)).p < 0.05
+    assert abs(found / studies - 0.05) < 4 * np.sqrt(0.05 * 0.95 / studies)
+
+
+def test_a_latin_square_that_is_complete_is_not_adjusted() -> None:
+    square = [tuple(LEVELS[place] for place in row) for row in balanced_square(3)]
+    for orders in (square, square[:3]):  # the rows without their mirrors are balanced too
+        assert factorial_within.problem_with(cells_of(orders)) == ""
+        (row,) = select(factorial_within.of_repeated(cells_of(orders), ""), test="anova")
+        assert ADJUSTED not in row.note
+    ends = [square[0], (square[0][0], square[0][2], square[0][1])]  # one level is always first
+    assert "are not balanced" in factorial_within.problem_with(cells_of(ends))
 
 
 def test_orders_are_balanced_for_each_level_between_people() -> None:
     square = [tuple(LEVELS[place] for place in row) for row in balanced_square(3)]
     both = cells_of(square, ("off", "on"))
     assert factorial_within.problem_with(both) == ""
-    lacking = RepeatedCells(both.factors, both.within, both.groups[:8], both.orders[:8])
+    (row,) = select(factorial_within.of_repeated(both, ""), test="anova", contrast="prediction")
+    assert ADJUSTED not in row.note
+    lacking = RepeatedCells(both.factors, both.within, both.groups[:-1], both.orders[:-1])
+    noted = {row.contrast: row.note for row in select(factorial_within.of_repeated(lacking, ""), test="anova")}
+    assert ADJUSTED in noted["prediction"]
+    assert ADJUSTED in noted["prediction x opacity"]
+    assert noted["opacity"] == "between people", "each person has all blocks"
+    lacking = RepeatedCells(both.factors, both.within, both.groups[:7], both.orders[:7])
     problem = factorial_within.problem_with(lacking)
     assert problem.startswith("the orders of the blocks with opacity on are not balanced")
+
+
+def test_sentences_about_answers_name_the_method_within_people(tmp_path: Path) -> None:
+    """Also where p is corrected over the questions."""
+    made = reported(tmp_path)
+    about = [
+        text for text in factorial_text.factorial_sentences(made.analysis.rows) if "analysis of variance of “" in text
+    ]
+    assert len(about) > 1
+    assert all("(prediction within people, with the orders of the blocks averaged)" in text for text in about)
+    tests = select(made.analysis.rows, section="factorial", test="anova")
+    assert all(row.note.startswith("within people; Benjamini-Hochberg over") for row in tests if row.question)
