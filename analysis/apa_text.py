@@ -148,8 +148,11 @@ def _kruskal(analysis: Analysis) -> str:
         for row in with_p(select(analysis.rows, section="reward", test="kruskal_wallis"))
     ]
     correction = f", corrected over {len(tests)} agents" if len(tests) > 1 else ""
+    count = len(analysis.conditions)
+    is_whole = all(row.df == count - 1 for row in tests)  # an agent may have episodes in some conditions only
+    between = f"the {word(count)} conditions" if is_whole else "the conditions with episodes of an agent"
     return (
-        f"Between the {word(len(analysis.conditions))} conditions rewards {listed(parts)} (Kruskal-Wallis with "
+        f"Between {between} rewards {listed(parts)} (Kruskal-Wallis with "
         f"conditions permuted over {who.people}{correction}). The published test, which treats the episodes of a "
         f"{who.person} as independent, gives: {'; '.join(published)}."
     )

@@ -79,7 +79,9 @@ class Export:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        return in_order(self.participants["condition"], tuple(self.about.get("conditions") or CONDITIONS))
+        """The conditions of all who were assigned, those who withdrew included."""
+        assigned = [table["condition"].cast(pl.String) for table in (self.participants, self.withdrawals)]
+        return in_order(pl.concat(assigned), tuple(self.about.get("conditions") or CONDITIONS))
 
     @property
     def layouts(self) -> tuple[str, ...]:

@@ -59,3 +59,23 @@ def test_a_round_with_an_excluded_person_is_not_analysed_whoever_was_watched(tmp
         made.page.read_text("utf-8")
     )
     assert select(analysis.rows, section="sensitivity", test="assigned")[0].n == 10, "exclusions undone"
+
+
+def test_a_condition_from_which_everybody_withdrew_is_in_the_flow_and_in_the_attrition(
+    planted_folder: Path, tmp_path: Path
+) -> None:
+    for path in planted_folder.glob("*.parquet"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    people = pl.read_parquet(tmp_path / "participants.parquet")
+    left = people.filter(pl.col("condition") == "random")
+    people.filter(pl.col("condition") != "random").write_parquet(tmp_path / "participants.parquet")
+    left.select("study", "condition", simulated=True).write_parquet(tmp_path / "withdrawals.parquet")
+    made = write_report(tmp_path, tmp_path / "report", QUICK)
+    assert made.analysis.conditions == ("none", "tom")
+    rows = select(made.analysis.rows, section="exclusions", test="assigned")
+    assert {row.condition: row.n for row in rows} == {"none": 16, "random": 16, "tom": 16, "all": 48}
+    lost = select(made.analysis.rows, section="attrition", test="left")
+    assert [(row.condition, row.estimate) for row in lost] == [("none", 0.0), ("random", 1.0), ("tom", 0.0)]
+    (test,) = select(made.analysis.rows, section="attrition", test="left_by_condition")
+    assert test.p < 0.001
+    assert "16 of 16 with random predictions" in made.page.read_text("utf-8")
