@@ -201,9 +201,15 @@ def _mixed(analysis: Analysis) -> str:
         estimate = f"estimate {number(row.estimate, 1)} points"
         result = f"did not differ significantly between {first} and {second} ({estimate}, {inside})"
     return (
-        f"In a mixed model with {analysis.subjects.participants} as random effect and agent and layout as fixed "
-        f"effects, the reward {result}.{_depends(analysis)}"
+        f"In a mixed model with {analysis.subjects.participants} as random effect{_fixed(analysis)}, the reward "
+        f"{result}.{_depends(analysis)}"
     )
+
+
+def _fixed(analysis: Analysis) -> str:
+    """Return which further effects the mixed model has: of what was there more than once."""
+    names = [name for name, levels in (("agent", analysis.agents), ("layout", analysis.layouts)) if len(levels) > 1]
+    return f" and {listed(names)} as fixed effect{'s' if len(names) > 1 else ''}" if names else ""
 
 
 def _depends(analysis: Analysis) -> str:
