@@ -178,3 +178,10 @@ def test_sentences_about_answers_name_the_method_within_people(tmp_path: Path) -
     assert all("(prediction within people, with the orders of the blocks averaged)" in text for text in about)
     tests = select(made.analysis.rows, section="factorial", test="anova")
     assert all(row.note.startswith("within people; Benjamini-Hochberg over") for row in tests if row.question)
+
+
+def test_captions_name_the_levels_that_the_models_have(tmp_path: Path) -> None:
+    page = reported(tmp_path).page.read_text("utf-8")
+    wanted = "answer ~ condition + agent + layout + combinations of prediction, in interaction with the condition,"
+    assert wanted in page
+    assert "Differences in reward, with the effects of the mixed model above. Clusters" in page
