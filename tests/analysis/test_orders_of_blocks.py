@@ -68,6 +68,8 @@ def test_orders_of_blocks_are_not_compared_in_findings_and_sentences(tmp_path: P
     assert "there was a main effect of prediction" in page
     assert select(made.analysis.rows, section="reward", test="kruskal_wallis_people"), "results.csv has them"
     sentences = page.partition("Sentences to paste</h2>")[2]
+    assert not made.analysis.powers
+    assert "Power of the t-test" not in page
     for words in ("Between the two conditions", "cumulative-link mixed models", "t-tests over", "Order 1 and Order 2"):
         assert words not in sentences
     assert "The analysis is of 160 episodes of 16 simulated participants." in sentences
