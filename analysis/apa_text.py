@@ -57,7 +57,8 @@ def _effects_finding(analysis: Analysis) -> str:
 def _reward_finding(analysis: Analysis) -> str:
     tests = with_p(select(analysis.rows, section="reward", test="kruskal_wallis_people"))
     if not tests:
-        tried = [row for row in select(analysis.rows, section="reward", test="kruskal_wallis") if row.n]
+        kinds = ("kruskal_wallis_people", "kruskal_wallis")  # where the second has a p, its note is no reason
+        tried = [row for test in kinds for row in select(analysis.rows, section="reward", test=test) if row.n]
         return f"The conditions could not be compared by reward: {note(tried[0])}." if tried else ""
     sure = [agent(row.agent) for row in tests if significant(row)]
     values = ", ".join(f"{agent(row.agent)} <i>p</i> {p_equals(row.p_adjusted)}" for row in tests)
@@ -147,8 +148,11 @@ def _kruskal(analysis: Analysis) -> str:
         for row in with_p(select(analysis.rows, section="reward", test="kruskal_wallis"))
     ]
     correction = f", corrected over {len(tests)} agents" if len(tests) > 1 else ""
+    count = len(analysis.conditions)
+    is_whole = all(row.df == count - 1 for row in tests)  # an agent may have episodes in some conditions only
+    between = f"the {word(count)} conditions" if is_whole else "the conditions with episodes of an agent"
     return (
-        f"Between the {word(len(analysis.conditions))} conditions rewards {listed(parts)} (Kruskal-Wallis with "
+        f"Between {between} rewards {listed(parts)} (Kruskal-Wallis with "
         f"conditions permuted over {who.people}{correction}). The published test, which treats the episodes of a "
         f"{who.person} as independent, gives: {'; '.join(published)}."
     )
@@ -197,9 +201,15 @@ def _mixed(analysis: Analysis) -> str:
         estimate = f"estimate {number(row.estimate, 1)} points"
         result = f"did not differ significantly between {first} and {second} ({estimate}, {inside})"
     return (
-        f"In a mixed model with {analysis.subjects.participants} as random effect and agent and layout as fixed "
-        f"effects, the reward {result}.{_depends(analysis)}"
+        f"In a mixed model with {analysis.subjects.participants} as random effect{_fixed(analysis)}, the reward "
+        f"{result}.{_depends(analysis)}"
     )
+
+
+def _fixed(analysis: Analysis) -> str:
+    """Return which further effects the mixed model has: of what was there more than once."""
+    names = [name for name, levels in (("agent", analysis.agents), ("layout", analysis.layouts)) if len(levels) > 1]
+    return f" and {listed(names)} as fixed effect{'s' if len(names) > 1 else ''}" if names else ""
 
 
 def _depends(analysis: Analysis) -> str:
@@ -221,6 +231,8 @@ def _questionnaire(analysis: Analysis) -> list[str]:
         return []
     who = analysis.subjects
     where = listed([layout(name) for name in analysis.questionnaire_layouts])
+    if others := [layout(name) for name in analysis.layouts if name not in analysis.questionnaire_layouts]:
+        where += f", and not those about {listed(others)},"
     sure = sum(significant(row) for row in tested)
     count = word(sure) if sure else "none"
     made = [

@@ -31,11 +31,13 @@ def known_offline(export: Export, weights: Path | None) -> Mapping[str, Mapping[
 
 def offline_accuracy(episodes: pl.DataFrame, weights: Path) -> Offline:
     """For every agent, predictor and layout whose predictor lies in `weights` (folders LAYOUT/NAME); others are left
-    out."""
+    out. So are rounds of two people: the offline test is about agents, which people are not like."""
     if "predictor_sha256" not in episodes.columns:
         return {}
     known = {hash_of(path.parent): steps for path in sorted(weights.glob("*/*/config.json")) if (steps := _steps(path))}
     found: Offline = {}
+    if "watched_person" in episodes.columns:
+        episodes = episodes.filter(pl.col("watched_person").is_null())
     used = with_predictor(episodes).select("agent", "predictor", "layout", "predictor_sha256").drop_nulls()
     for agent, predictor, layout, digest in used.unique(maintain_order=True).iter_rows():
         if digest in known and degraded_to(predictor) is None:

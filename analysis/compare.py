@@ -213,4 +213,8 @@ def adjust(family: Sequence[Result]) -> list[Result]:
     adjusted_p[order] = np.minimum(1, np.minimum.accumulate(p[order] * p.size / np.arange(p.size, 0, -1)))
     adjusted = iter(adjusted_p)
     note = f"Benjamini-Hochberg over {len(tested)} tests"
-    return [row if math.isnan(row.p) else replace(row, p_adjusted=float(next(adjusted)), note=note) for row in family]
+    notes = [f"{row.note}; {note}" if row.note else note for row in family]
+    return [
+        row if math.isnan(row.p) else replace(row, p_adjusted=float(next(adjusted)), note=own)
+        for row, own in zip(family, notes, strict=True)
+    ]

@@ -35,7 +35,12 @@ RULES = (
     Rule("idle", "idle_share", "share of timesteps in which the person waited", 0.6, 0.9),
     Rule("absent", "longest_idle_s", "seconds without a key", 20, 60),
     Rule(
-        "no interaction", "interactions", "times that the person picked up, put down or cooked", 5, 0, low_is_bad=True
+        "no interaction",
+        "interactions",
+        "timesteps in which the person pressed the key to pick up, put down or cook",
+        5,
+        0,
+        low_is_bad=True,
     ),
     Rule("stuck", "pushing_share", "share of timesteps spent pushing against a wall or the partner", 0.15, 0.5),
     Rule("hidden", "hidden_share", "share of the time with the page hidden", 0.1, 0.25),

@@ -51,7 +51,8 @@ class DeclaredEffect:
 
 @dataclass(frozen=True)
 class Declaration:
-    """What the newest of the analysed versions declares. `warning`: not all declare the same."""
+    """What the newest of the analysed versions declares, under which somebody took part. `warning`: not all declare the
+    same."""
 
     primary: DeclaredTest | None = None
     smallest: DeclaredEffect | None = None
@@ -60,7 +61,8 @@ class Declaration:
 
 def declaration_of(export: Export) -> Declaration:
     """Return what the study files in the export declare. Raises ExportError for a declaration that cannot be read."""
-    files = study_files(export)
+    every = study_files(export)
+    files = {number: file for number, file in every.items() if number in export.versions} or every
     if not files:
         return Declaration()
     primary = {number: _read(declared_test, text, path) for number, (text, path) in files.items()}

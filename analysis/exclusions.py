@@ -9,6 +9,7 @@ from analysis.results import Result
 from analysis.tables import Export
 
 WITHDRAWN = "asked for withdrawal, data deleted"
+NO_EPISODE = "finished without an episode that is analysed"
 WATCHED = "watched partner: their rounds are those of the other person"
 REASONS = {
     "active": "still taking part",
@@ -21,7 +22,8 @@ REASONS = {
 
 def flow(export: Export, episodes: pl.DataFrame, analysed: pl.DataFrame) -> list[Result]:
     """Count by condition (and `all`), in the order of a flow diagram; `note` holds a reason, `test` names the step:
-    assigned, left, excluded, watched, analysed (people), played, unfinished, removed, analysed (episodes)."""
+    assigned, left, excluded, watched, no_episode, analysed (people), played, unfinished, removed, analysed
+    (episodes)."""
     participants, conditions = export.participants, export.conditions
     everybody = pl.concat([participants.select("condition"), export.withdrawals.select("condition")])
     rows = _counts("assigned", everybody, conditions, "people")
@@ -34,6 +36,8 @@ def flow(export: Export, episodes: pl.DataFrame, analysed: pl.DataFrame) -> list
     rows += _by_reason("excluded", completed.filter(pl.col("excluded") != ""), conditions, "people")
     watched = watched_partners(export, analysed)
     rows += _counts("watched", watched, conditions, "people", WATCHED) if watched.height else []
+    empty = without_episode(export, analysed)
+    rows += _counts("no_episode", empty, conditions, "people", NO_EPISODE) if empty.height else []
     people = analysed.unique("participant", maintain_order=True)
     rows += _counts("analysed", people, conditions, "people")
     return rows + _episodes(participants, episodes, conditions) + _counts("analysed", analysed, conditions, "episodes")
@@ -48,6 +52,15 @@ def watched_partners(export: Export, analysed: pl.DataFrame) -> pl.DataFrame:
     return watched.join(analysed.select("participant"), on="participant", how="anti")
 
 
+def without_episode(export: Export, analysed: pl.DataFrame) -> pl.DataFrame:
+    """Return the participants who finished, were not excluded or only watched, and have no analysed episode: each was
+    removed, or not played to its end."""
+    finished = export.participants.filter((pl.col("status") == "completed") & (pl.col("excluded") == ""))
+    for others in (analysed, watched_partners(export, analysed)):
+        finished = finished.join(others.select("participant"), on="participant", how="anti", maintain_order="left")
+    return finished
+
+
 def _episodes(participants: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
     unit = "episodes"
     played = episodes.filter(pl.col("status") != "new")
@@ -56,13 +69,17 @@ def _episodes(participants: pl.DataFrame, episodes: pl.DataFrame, conditions: Se
     rows += _counts("unfinished", played.filter(pl.col("status") != "done"), conditions, unit)
     rows += _by_reason("removed", done.filter(pl.col("excluded") != ""), conditions, unit)
     kept = done.filter(pl.col("excluded") == "")
-    for step, wanted in (
-        ("of_incomplete", pl.col("status") != "completed"),
-        ("of_excluded", (pl.col("status") == "completed") & (pl.col("excluded") != "")),
-    ):
-        others = kept.join(participants.filter(wanted).select("participant"), on="participant", how="semi")
+    complete = pl.col("participant").is_in(_named(participants.filter(pl.col("status") == "completed")))
+    names = _named(participants.filter(pl.col("excluded") != ""))
+    of_excluded = pl.any_horizontal(pl.col("participant", "watched_person").is_in(names).fill_null(value=False))
+    for step, wanted in (("of_incomplete", ~complete), ("of_excluded", complete & of_excluded)):
+        others = kept.filter(wanted)
         rows += _counts(step, others, conditions, unit) if others.height else []
     return rows
+
+
+def _named(participants: pl.DataFrame) -> list[str]:
+    return participants["participant"].to_list()
 
 
 def _by_reason(step: str, table: pl.DataFrame, conditions: Sequence[str], unit: str) -> list[Result]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from markupsafe import escape
 
 from analysis import formatting
+from analysis.block_orders import ADJUSTED, WHY
 from analysis.declared import BY
 from analysis.factorial import SECTION, SIMPLE
 from analysis.factorial_within import WITHIN
@@ -49,6 +50,8 @@ def _method(tests: Sequence[Result], who: Subjects) -> str:
     if not within:
         return "type III sums of squares, sum coding"
     names = listed([str(escape(name.replace("_", " "))) for name in within])
+    if any(ADJUSTED in row.note for row in tests):
+        return f"{names} within {who.people}, with the {ADJUSTED}, {WHY}"
     return f"{names} within {who.people}, with the orders of the blocks averaged"
 
 

@@ -6,19 +6,21 @@ the mean over the combinations. The people of a condition, who met the blocks in
 same levels are averaged with equal weight, and only variance within groups is error, so that an effect of the blocks'
 order does not count as an effect of the levels (Hills and Armitage 1979). That needs the same
 average block for every level, so that a steady change over the blocks, such as practice, cancels; where the orders that
-are left lack that, there is no test. Balanced data give the tests of a split-plot
-analysis of variance. Where an effect within people has several differences, its degrees of freedom are corrected
-(Greenhouse and Geisser 1959).
+are left lack that, levels are adjusted for the block (block_orders), and where that is impossible, there is no test.
+Balanced data give the tests of a split-plot analysis of variance. Where an effect within people has several
+differences, its degrees of freedom are corrected (Greenhouse and Geisser 1959).
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
 import polars as pl
 
 from analysis import compare, factorial, mixed_model
+from analysis.block_orders import ADJUSTED, Order, by_order, can_separate, is_balanced
 from analysis.factorial import PREFIX, SIMPLE, Array, Factors, contrast_weights
 from analysis.groups import computed
 from analysis.results import Result
@@ -51,6 +53,22 @@ class RepeatedCells:
     @property
     def people(self) -> int:
         return sum(len(values) for _, values in self.groups)
+
+    @property
+    def combinations(self) -> list[tuple[str, ...]]:
+        """The combinations of the levels within people."""
+        return list(product(*self.inner.values()))
+
+    def orders_with(self, between: tuple[str, ...]) -> list[Order]:
+        """Return the orders of the groups with these levels between people."""
+        known = self.orders or ((),) * len(self.groups)
+        return [order for (levels, _), order in zip(self.groups, known, strict=True) if levels == between]
+
+    @cached_property
+    def adjusted_words(self) -> str:
+        """Return for a note that levels are adjusted for the block; empty where all orders count the same."""
+        balanced = all(is_balanced(self.orders_with(between)) for between in dict(self.groups))
+        return "" if balanced else f", {ADJUSTED}"
 
 
 def within_of(export: Export) -> tuple[str, ...]:
@@ -120,7 +138,8 @@ def of_repeated(cells: RepeatedCells, question: str) -> list[Result]:
         named = replace(base, contrast=factorial.BY.join(term))
         rows.append(computed(tested, named, cells, term))
         if factorial.has_one_difference(cells.factors, term):
-            named = replace(named, test="difference", note=factorial.difference_words(cells.factors, term))
+            words = factorial.difference_words(cells.factors, term) + cells.adjusted_words
+            named = replace(named, test="difference", note=words)
             rows.append(computed(difference, named, cells, term))
     return [*rows, *_marginal_means(replace(base, test="marginal_mean"), cells), *_simple_effects(base, cells)]
 
@@ -138,13 +157,11 @@ def problem_with(cells: RepeatedCells) -> str:
 
 
 def _imbalance(cells: RepeatedCells) -> str:
-    """Return where some levels come earlier on average than others in the orders that are left; empty if nowhere. The
-    effect of the levels would contain a steady change over the blocks."""
-    inner = list(product(*cells.inner.values()))
+    """Return where levels and blocks cannot be told apart in the orders that are left; empty if nowhere. The effect of
+    the levels would contain a change over the blocks."""
     for levels in product(*cells.outer.values()):
-        orders = [order for (between, _), order in zip(cells.groups, cells.orders, strict=False) if between == levels]
-        places = {combination: sum(order.index(combination) for order in orders) for combination in inner}
-        if len(set(places.values())) > 1:
+        orders = cells.orders_with(levels)
+        if not can_separate(cells.combinations, orders):
             where = ", ".join(f"{name} {level}" for name, level in zip(cells.outer, levels, strict=True))
             return (
                 f"the orders of the blocks{' with ' + where if where else ''} are not balanced: some levels come "
@@ -154,45 +171,63 @@ def _imbalance(cells: RepeatedCells) -> str:
 
 
 def _weights(cells: RepeatedCells, term: Sequence[str]) -> tuple[Array, Array]:
-    """Return the hypothesis of a term as weights of the combinations within people, and of the groups."""
-    inner = contrast_weights(cells.inner, [name for name in term if name in cells.inner])
-    return inner, _of_groups(cells, contrast_weights(cells.outer, [name for name in term if name in cells.outer]))
+    """Return the hypothesis of a term as weights of the combinations within people, and of those between people."""
+    parts = (cells.inner, cells.outer)
+    inner, outer = (contrast_weights(part, [name for name in term if name in part]) for part in parts)
+    return inner, outer
 
 
-def _of_groups(cells: RepeatedCells, outer: Array) -> Array:
-    """Weights of the combinations between people, shared equally by the groups that have them."""
-    order = list(product(*cells.outer.values()))
-    place = np.array([order.index(between) for between, _ in cells.groups])
-    return np.asarray(outer[:, place] / np.bincount(place)[place])
+def _of_groups(cells: RepeatedCells, inner: Array, outer: Array) -> Array:
+    """Weights of the means of all groups, (outer * inner, groups, combinations), for each row of `outer` with each of
+    `inner`. Raises ValueError where levels and blocks cannot be told apart."""
+    found = np.zeros((len(outer), len(inner), len(cells.groups), inner.shape[1]))
+    for column, between in enumerate(product(*cells.outer.values())):
+        mine = [place for place, (levels, _) in enumerate(cells.groups) if levels == between]
+        for row, weights in enumerate(inner):
+            spread = by_order(weights, cells.combinations, cells.orders_with(between))
+            if spread is None:
+                raise ValueError(_imbalance(cells))
+            found[:, row, mine] = outer[:, column, None, None] * spread
+    return found.reshape(-1, *found.shape[2:])
+
+
+def _pooled(cells: RepeatedCells) -> tuple[Array, Array, Array, int]:
+    """Return the means (groups, combinations) and sizes of the groups, and the covariance of the combinations within
+    groups with its degrees of freedom."""
+    values = [part for _, part in cells.groups]
+    means, sizes = np.stack([part.mean(axis=0) for part in values]), np.array([len(part) for part in values])
+    rest = cells.people - len(values)
+    squares = np.asarray(sum((part - part.mean(axis=0)).T @ (part - part.mean(axis=0)) for part in values))
+    return means, sizes, squares / rest, rest
 
 
 def tested(base: Result, cells: RepeatedCells, term: Sequence[str]) -> Result:
     """Return the F test of a term, with partial eta squared."""
     inner, outer = _weights(cells, term)
-    scores = [values @ np.linalg.qr(inner.T)[0] for _, values in cells.groups]
-    means, sizes = np.stack([part.mean(axis=0) for part in scores]), np.array([len(part) for part in scores])
-    squares = np.asarray(sum((part - part.mean(axis=0)).T @ (part - part.mean(axis=0)) for part in scores))
-    rest, count = cells.people - len(scores), len(inner)
-    if np.trace(squares) <= 1e-12 * max(1.0, float((means**2).sum())):
+    inner = np.linalg.qr(inner.T)[0].T
+    means, sizes, covariance, rest = _pooled(cells)
+    own = inner @ covariance @ inner.T
+    if np.trace(own) * rest <= 1e-12 * max(1.0, float(((means @ inner.T) ** 2).sum())):
         raise ValueError("the values do not vary within the orders of the blocks")
-    found = outer @ means
-    explained = float(np.trace(found.T @ np.linalg.solve(outer / sizes @ outer.T, found)))
-    f = explained / (len(outer) * count) / (np.trace(squares) / (rest * count))
-    epsilon = float(np.trace(squares) ** 2 / (count * np.trace(squares @ squares)))
+    weights, count = _of_groups(cells, inner, outer), len(inner)
+    found = np.einsum("agc,gc->a", weights, means)
+    spread = np.einsum("agc,bgc,g->ab", weights, weights, 1 / sizes)
+    error = np.einsum("agc,cd,bgd,g->ab", weights, covariance, weights, 1 / sizes)
+    f = float(found @ np.linalg.solve(spread, found)) / float(np.trace(np.linalg.solve(spread, error)))
+    epsilon = float(np.trace(own) ** 2 / (count * np.trace(own @ own)))
     df, df_rest = len(outer) * count * epsilon, rest * count * epsilon
     about = WITHIN if any(name in cells.within for name in term) else "between people"
     note = f"{about}, Greenhouse-Geisser epsilon {epsilon:.3f}" if count > 1 else about
-    return factorial.f_tested(replace(base, note=note), float(f), df, df_rest)
+    note += cells.adjusted_words if about == WITHIN else ""
+    return factorial.f_tested(replace(base, note=note), f, df, df_rest)
 
 
 def estimated(base: Result, cells: RepeatedCells, inner: Array, outer: Array) -> Result:
-    """Return a weighted sum of means with its t-test against 0. `inner`: weights within people; `outer`: of groups."""
-    scores = [values @ inner for _, values in cells.groups]
-    sizes = np.array([part.size for part in scores])
-    rest = int(sizes.sum()) - len(scores)
-    variance = sum(float(((part - part.mean()) ** 2).sum()) for part in scores) / rest
-    estimate = float(outer @ np.array([part.mean() for part in scores]))
-    return mixed_model.with_t_test(base, estimate, float(np.sqrt(variance * (outer**2 / sizes).sum())), float(rest))
+    """Return a weighted sum of means with its t-test against 0. `inner`: weights within people; `outer`: between."""
+    means, sizes, covariance, rest = _pooled(cells)
+    (weights,) = _of_groups(cells, inner[None], outer[None])
+    variance = float(np.einsum("gc,cd,gd,g->", weights, covariance, weights, 1 / sizes))
+    return mixed_model.with_t_test(base, float((weights * means).sum()), float(np.sqrt(variance)), float(rest))
 
 
 def difference(base: Result, cells: RepeatedCells, term: Sequence[str]) -> Result:
@@ -211,7 +246,7 @@ def _weights_at(cells: RepeatedCells, wanted: dict[str, dict[str, float]]) -> tu
             weights = np.kron(weights, np.array([some.get(level, 0.0) for level in levels]))
         return weights
 
-    return of(cells.inner), _of_groups(cells, of(cells.outer)[None, :])[0]
+    return of(cells.inner), of(cells.outer)
 
 
 def _marginal_means(base: Result, cells: RepeatedCells) -> Iterator[Result]:
@@ -219,7 +254,10 @@ def _marginal_means(base: Result, cells: RepeatedCells) -> Iterator[Result]:
     for factor, levels in cells.factors.items():
         for level in levels:
             inner, outer = _weights_at(cells, {factor: {level: 1.0}})
-            n = sum(len(values) for (_, values), weight in zip(cells.groups, outer, strict=True) if weight)
+            counting = {
+                between for between, weight in zip(product(*cells.outer.values()), outer, strict=True) if weight
+            }
+            n = sum(len(values) for between, values in cells.groups if between in counting)
             row = computed(estimated, replace(base, contrast=factor, condition=level, n=n), cells, inner, outer)
             yield replace(row, statistic_name="", statistic=np.nan, df=np.nan, p=np.nan)
 

@@ -7,6 +7,7 @@ predicted step is about row t itself, the second about the next row.
 import polars as pl
 
 from analysis.groups import DECIMALS
+from analysis.key_lag import lag
 from analysis.tables import INTERACT, STAY, STEPS, Export
 
 MOVES = 4  # actions 0-3 are moves
@@ -37,6 +38,8 @@ def episode_measures(export: Export) -> pl.DataFrame:
     ):
         episodes = episodes.join(table, on="episode", how="left")
     hidden = _without_server_failures(export.pauses).filter(pl.col("reason").is_in(["hidden", "blur"]))
+    if "of_person" in hidden.columns:
+        hidden = hidden.filter("of_person")
     hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").cast(pl.Float64).sum())
     failed = export.participants.select("participant", pl.col("attention_failed").cast(pl.Int64))
     episodes = episodes.join(failed, on="participant", how="left", maintain_order="left")
@@ -64,11 +67,13 @@ def _without_server_failures(pauses: pl.DataFrame) -> pl.DataFrame:
 
 
 def analysed(episodes: pl.DataFrame, participants: pl.DataFrame) -> pl.DataFrame:
-    """Return the episodes that count: played to their end by somebody who finished the study; neither of them excluded
-    by the researcher."""
+    """Return the episodes that count: played to their end by somebody who finished the study; neither of them, nor the
+    person who was watched in it, excluded by the researcher."""
     people = participants.filter((pl.col("status") == "completed") & (pl.col("excluded") == ""))
     counting = episodes.filter((pl.col("status") == "done") & (pl.col("excluded") == ""))
-    return counting.join(people.select("participant"), on="participant", how="semi", maintain_order="left")
+    excluded = participants.filter(pl.col("excluded") != "").select(watched_person="participant")
+    counting = counting.join(people.select("participant"), on="participant", how="semi", maintain_order="left")
+    return counting.join(excluded, on="watched_person", how="anti", maintain_order="left")
 
 
 def _runs(ticks: pl.DataFrame) -> pl.DataFrame:
@@ -92,34 +97,6 @@ def pushing(ticks: pl.DataFrame) -> pl.DataFrame:
     detects being stuck from the actions alone."""
     beyond = pl.when(pl.col("person") < MOVES).then((pl.col("length").cast(pl.Int64) - PUSHES).clip(0)).otherwise(0)
     return _runs(ticks).group_by("episode").agg(pushing_share=beyond.sum() / pl.col("length").sum())
-
-
-def lag(ticks: pl.DataFrame, pauses: pl.DataFrame) -> pl.DataFrame:
-    """Return how much slower than the fastest key the slowest twentieth of an episode's keys came: episode, lag_ms.
-
-    The clocks of browser and server differ by a constant only from one pause to the next: the server's leaves pauses
-    out, and a new page starts its own. So each key is compared with the fastest one between the same two pauses; a page
-    cannot be replaced without a pause. Null if no key times were recorded, or not where the pauses are."""
-    known = {"key_client_ms", "key_received_ms"} <= set(ticks.columns)
-    if not known or (pauses.height and "timestep" not in pauses.columns):
-        return ticks.select("episode", lag_ms=pl.lit(None, dtype=pl.Float64)).unique()
-    delay = (pl.col("key_received_ms") - pl.col("key_client_ms")).cast(pl.Float64)
-    keys = _between_pauses(ticks, pauses).with_columns(delay=delay)
-    keys = keys.with_columns(extra=pl.col("delay") - pl.col("delay").min().over("episode", "pause"))
-    return keys.group_by("episode").agg(lag_ms=pl.col("extra").quantile(0.95, "linear"))
-
-
-def _between_pauses(ticks: pl.DataFrame, pauses: pl.DataFrame) -> pl.DataFrame:
-    """Return the ticks with `pause`, the state at which the last pause before their actions was; -1: none. A pause at
-    state t comes before the actions of timestep t."""
-    ticks = ticks.with_columns(pl.col("timestep").cast(pl.Int64))
-    if pauses.is_empty():
-        return ticks.with_columns(pause=pl.lit(-1, dtype=pl.Int64))
-    when = pl.col("timestep").cast(pl.Int64)
-    found = pauses.select(pl.col("episode").cast(pl.String), pause=when, timestep=when).drop_nulls().unique()
-    order = ["episode", "timestep"]
-    joined = ticks.sort(order).join_asof(found.sort(order), on="timestep", by="episode", check_sortedness=False)
-    return joined.with_columns(pl.col("pause").fill_null(-1))
 
 
 def prediction_hits(ticks: pl.DataFrame) -> pl.DataFrame:

@@ -54,7 +54,7 @@ def fit(episodes: pl.DataFrame, measure: str, conditions: Sequence[str]) -> Mixe
     base = Result("mixed model", "fixed_effect", "all", "all", n=chosen.height)
     if len(present) < 2 or people < MIN_PEOPLE or chosen.height <= people:
         return _none(base, "needs two conditions, six people and more than one episode a person")
-    data = _data(chosen, measure, with_within_effects(chosen, present, fixed_effects(chosen, present)))
+    data = _data(chosen, measure, fixed_effects(chosen, present))
     try:
         fitted = mixed_model_fit.fit(data)
     except (mixed_model_fit.FitError, np.linalg.LinAlgError) as error:
@@ -82,13 +82,14 @@ def _dummies(values: pl.Series, levels: Sequence[str]) -> Array:
 
 
 def fixed_effects(chosen: pl.DataFrame, conditions: Sequence[str]) -> Array:
-    """Return intercept, conditions, agents, layouts: (episodes, columns)."""
+    """Return intercept, conditions, agents, layouts and, where people met levels in blocks, these and what they add
+    under each condition: (episodes, columns)."""
     parts = [np.ones((chosen.height, 1)), _dummies(chosen["condition"], conditions)]
     for column, known in (("agent", AGENTS), ("layout", LAYOUTS)):
         levels = in_order(chosen[column], known)
         if len(levels) > 1:
             parts.append(_dummies(chosen[column], levels))
-    return np.concatenate(parts, axis=1)
+    return with_within_effects(chosen, conditions, np.concatenate(parts, axis=1))
 
 
 def _contrasts(base: Result, fitted: Fit, conditions: Sequence[str]) -> list[Result]:

@@ -110,7 +110,8 @@ def _with_round(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> li
     plain = mixed_model.fixed_effects(chosen, conditions)
     together = np.column_stack([plain, rounds])
     if np.linalg.matrix_rank(together) == np.linalg.matrix_rank(plain):
-        raise FitError("the round cannot be separated from layout and agent, which came in the same order for all")
+        why = "the round cannot be separated from layout, agent or block, which came in the same order for all"
+        raise FitError(why)
     data = Data(chosen[REWARD].to_numpy().astype(np.float64), together, _people(chosen))
     fitted = mixed_model_fit.fit(data)
     rows = _differences(base, conditions, together.shape[1], _estimate(fitted, fitted.degrees))

@@ -56,6 +56,7 @@ def of_effect(declared: DeclaredTest, cells: factorial.FactorialCells | factoria
     if np.isnan(row.p):
         return row
     words = f"{ALTERNATIVES[declared.direction]}, alpha = {declared.alpha:g}"
+    words += cells.adjusted_words if isinstance(cells, factorial_within.RepeatedCells) else ""
     if not factorial.has_one_difference(cells.factors, declared.effect):
         return replace(row, note=words)
     which = factorial.difference_words(cells.factors, declared.effect)

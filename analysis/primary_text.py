@@ -7,6 +7,7 @@ from markupsafe import escape
 
 from analysis import formatting, questionnaires
 from analysis.alpha_spending import Look
+from analysis.block_orders import ADJUSTED, WHY
 from analysis.declared import ANOVA, REWARD, Declaration, DeclaredTest
 from analysis.formatting import listed, number
 from analysis.phrases import condition, note, statistic
@@ -133,6 +134,7 @@ def _effect(declared: DeclaredTest, row: Result) -> str:
     outcome = f"there was {article if found else 'no'} {'' if found else 'significant '}{compared_words(declared)}"
     how = row.note.rpartition(", ")[2]
     which = f"; the difference is {escape(how.replace('_', ' '))}" if not math.isnan(row.estimate) else ""
+    which += f"; {ADJUSTED}, {WHY}" if ADJUSTED in row.note else ""
     return f"{outcome} on {measure_words(declared)}{which}"
 
 

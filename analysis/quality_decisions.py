@@ -5,6 +5,7 @@ import polars as pl
 from analysis.exclusions import REASONS
 
 ANALYSED = "analysed"
+PARTNER_EXCLUDED = "partner excluded"  # the other person of a round of two
 
 
 def with_decisions(quality: pl.DataFrame, participants: pl.DataFrame, analysed: pl.DataFrame) -> pl.DataFrame:
@@ -19,6 +20,8 @@ def with_decisions(quality: pl.DataFrame, participants: pl.DataFrame, analysed: 
         .then(pl.lit("not played to the end"))
         .when(pl.col("removed") != "")
         .then(pl.format("participant excluded, {}", "removed"))
+        .when(pl.col("left") == "completed")
+        .then(pl.lit(PARTNER_EXCLUDED))
         .otherwise(pl.format("participant {}", left))
     )
     counts = pl.col("episode").is_in(analysed["episode"].to_list())

@@ -12,6 +12,7 @@ import polars as pl
 from analysis.compare import adjust, mean_row, t_test
 from analysis.groups import Groups, pairs
 from analysis.results import Result
+from analysis.within_effects import level_columns
 
 # The published questions, in short.
 TITLES = {
@@ -28,11 +29,12 @@ def title(question: str) -> str:
 
 
 def answers_on(answers: pl.DataFrame, episodes: pl.DataFrame, layouts: Sequence[str]) -> pl.DataFrame:
-    """Return the answers that participants gave about their episodes on the chosen layouts, with condition, layout and
-    agent."""
+    """Return the answers that participants gave about their episodes on the chosen layouts, with condition, layout,
+    agent and the levels that people met in blocks."""
     chosen = episodes.filter(pl.col("layout").is_in(list(layouts)))
+    about = ("episode", "participant", "condition", "layout", "agent", "number", *level_columns(episodes))
     return answers.select("episode", "question", "value", "participant").join(
-        chosen.select("episode", "participant", "condition", "layout", "agent", "number"),
+        chosen.select(about),
         on=["episode", "participant"],
     )
 

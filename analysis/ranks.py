@@ -96,18 +96,26 @@ def kruskal_wallis(
     everybody = people_of(chosen, measure)
     size = everybody.condition.size
     member = dealt(everybody.condition, draws, seed) if everybody.arms > 1 else np.empty(0)
-    rows, people, statistics = [], [], []
+    rows, tested, people, statistics, alone = [], [], [], [], []
     for agent in agents:
         mask = np.ones(chosen.height, bool) if agent == ALL else (chosen["agent"] == agent).to_numpy()
         part = People(everybody.values[mask], everybody.person[mask], everybody.condition)
         rows.append(_published(part, agent, draws, seed))
-        if not math.isnan(rows[-1].p):
-            sums = np.bincount(part.person, stats.rankdata(part.values), size)
-            counts = np.bincount(part.person, minlength=size)
-            statistics.append(spread(member, _column(sums), _column(counts)))
-            people.append(int(np.count_nonzero(counts)))
-    tested = [row for row in rows if not math.isnan(row.p)]
-    return rows + (_permuted(tested, people, np.stack([shares(one) for one in statistics])) if tested else [])
+        counts = np.bincount(part.person, minlength=size)
+        played = int(np.count_nonzero(counts))
+        of_condition = np.bincount(part.condition[counts > 0])
+        if math.isnan(rows[-1].p):
+            continue
+        if of_condition[of_condition > 0].min() < 2:  # permutations of one person each are all alike
+            note = "fewer than two people in a condition"
+            alone.append(Result("reward", "kruskal_wallis_people", ALL, agent, n=played, unit="people", note=note))
+            continue
+        sums = np.bincount(part.person, stats.rankdata(part.values), size)
+        statistics.append(spread(member, _column(sums), _column(counts)))
+        people.append(played)
+        tested.append(rows[-1])
+    rows += _permuted(tested, people, np.stack([shares(one) for one in statistics])) if tested else []
+    return rows + alone
 
 
 def _column(of_people: NDArray[Any]) -> Values:
@@ -221,14 +229,24 @@ def dependence(
     rest = doubly_centred(people.values, people.person, place)
     if np.abs(rest).max() <= TOLERANCE * max(1.0, float(np.abs(people.values).max())):
         return [replace(row, note="rewards do not vary apart from layout, agent and person") for row in rows]
+    met = [column for column in columns if _levels_of_both(chosen, column) > 1]
+    why = "fewer than two with episodes in both conditions"
+    found = {name: replace(row, note=why) for name, row in zip(columns, rows, strict=True)}
+    if not met:
+        return list(found.values())
     member = dealt(people.condition, draws, seed)
-    p = np.stack([shares(spread(member, *_profiles(people, rest, chosen[column]))) for column in columns])
+    p = np.stack([shares(spread(member, *_profiles(people, rest, chosen[column]))) for column in met])
     note = f"conditions permuted over people, {draws} draws"
-    note += f"; p_adjusted: corrected over {' and '.join(columns)} (step-down minimum p)" if len(columns) > 1 else ""
-    return [
-        replace(row, p=float(one), p_adjusted=float(corrected), note=note)
-        for row, one, corrected in zip(rows, p[:, 0], step_down(p), strict=True)
-    ]
+    note += f"; p_adjusted: corrected over {' and '.join(met)} (step-down minimum p)" if len(met) > 1 else ""
+    for column, one, corrected in zip(met, p[:, 0], step_down(p), strict=True):
+        found[column] = replace(found[column], p=float(one), p_adjusted=float(corrected), note=note)
+    return list(found.values())
+
+
+def _levels_of_both(chosen: pl.DataFrame, column: str) -> int:
+    """Return how many layouts or agents have episodes in both conditions: the difference is known only there."""
+    counts = chosen.group_by(column).agg(pl.col("condition").n_unique())
+    return int((counts["condition"] > 1).sum())
 
 
 def _profiles(people: People, rest: Values, column: pl.Series) -> tuple[Values, Values]:

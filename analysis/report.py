@@ -33,10 +33,12 @@ from analysis import (
     sensitivity_text,
 )
 from analysis.accuracy import degraded_to
+from analysis.block_orders import ADJUSTED, WHY
 from analysis.changed_files import changed_notice
 from analysis.changed_models import models_notice
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
+from analysis.key_lag import faster_than_real_time
 from analysis.quality_decisions import ANALYSED, with_decisions
 from analysis.results import Result, select, write_results
 from analysis.sensitivity import populations
@@ -177,10 +179,13 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
             script=Markup((HERE / "report.js").read_text(encoding="utf-8")),  # noqa: S704
             within=analysis.within,
+            adjusted=ADJUSTED,
+            adjusted_why=WHY,
             primary=[Markup(text) for text in _primary(analysis)],  # noqa: S704
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
             sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704
             flagged=_flagged(analysis),
+            faster=faster_than_real_time(analysis.export.ticks).height,
             populations=populations(analysis.subjects),
             checks=robustness_text.checks(analysis.subjects),
             equivalence=equivalence_text.pairs_of_rows(analysis.rows),

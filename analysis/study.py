@@ -117,7 +117,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *design_rows(export, episodes, answers, conditions),
         *robustness_rows(RobustnessInputs(export, every, episodes, quality, answers, *compared)),
     ]
-    powers = tuple(_powers(model, episodes, conditions, options))
+    powers = tuple(_powers(model, episodes, design, options))
     return Analysis(
         export,
         *(conditions, layouts, agents, design.contrast),
@@ -196,16 +196,17 @@ def smallest_condition(episodes: pl.DataFrame, conditions: Sequence[str]) -> int
 
 
 def _powers(
-    model: mixed_model.MixedModel, episodes: pl.DataFrame, conditions: Sequence[str], options: Options
+    model: mixed_model.MixedModel, episodes: pl.DataFrame, design: AnalysisDesign, options: Options
 ) -> list[power.Power]:
-    """Power of studies of other sizes in which reward varies as it did in this one."""
-    size = smallest_condition(episodes, conditions)
-    if model.variance is None or model.variance.residual_sd == 0 or size < 2:
+    """Power of studies of other sizes in which reward varies as it did in this one; none with blocks, where it would be
+    that of a comparison of their orders (`kitchenmind power` has that of the effects)."""
+    size = smallest_condition(episodes, design.conditions)
+    if design.contrast is None or model.variance is None or model.variance.residual_sd == 0 or size < 2:
         return []
     each = round(episodes.height / episodes["participant"].n_unique())
-    design = power.PowerDesign(model.variance.person_sd, model.variance.residual_sd, each)
-    sizes = power.sizes_for(design, options.effects, size)
-    return power.curve(design, options.effects, sizes, options.power_studies, options.seed)
+    planned = power.PowerDesign(model.variance.person_sd, model.variance.residual_sd, each)
+    sizes = power.sizes_for(planned, options.effects, size)
+    return power.curve(planned, options.effects, sizes, options.power_studies, options.seed)
 
 
 def _power_rows(powers: Sequence[power.Power]) -> list[Result]:

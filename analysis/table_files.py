@@ -40,17 +40,21 @@ ON_DEMAND = ("asked", "displayed_1")  # an older export lacks the first
 INTENTIONS = tuple(
     f"{name}_{part}" for name in ("intention_1", "displayed_intention", "interaction") for part in ("kind", "x", "y")
 )  # an older export lacks them
+TIMES = ("scheduled_ms", "late_ms", "made_at")  # of the game, and the wall clock, which an older export lacks
 TICK_COLUMNS = {
     *COLUMNS["ticks"],
     *ON_DEMAND,
     IN_SIGHT,
     *INTENTIONS,
+    *TIMES,
     *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1)),
 }
 # What a codebook says of them, for an export that has lost it: most columns of a study's ticks are empty.
 _TICK_TYPES: Final[Mapping[str, type[pl.DataType]]] = {
     **{column: pl.Float64 if column.startswith("key_") else pl.Int64 for column in TICK_COLUMNS - {"episode"}},
     **dict.fromkeys(("late", "asked", IN_SIGHT), pl.Boolean),
+    **dict.fromkeys(("scheduled_ms", "late_ms"), pl.Float64),
+    "made_at": pl.String,
 }
 OPTIONAL = ("pauses", "reliance", "withdrawals")
 IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")

@@ -38,7 +38,8 @@ class Export:
     tick_ms, and watched_person, which is empty except in a round of two people: such a round counts once, for the
     participant who is not watched. answers: participant, episode, question, value (only what was stored as a number,
     never text that looks like one), of the participant for whom the episode counts. pauses: episode, reason,
-    duration_ms, and started_at where the export has it. ticks: episode, timestep, person and partner (actions of this
+    duration_ms, of_person (false: the watched person's absence, true also where nobody knows whose it was), and
+    started_at where the export has it. ticks: episode, timestep, person and partner (actions of this
     timestep), predicted_1..3 (the partner's most probable actions in this timestep and the next two), late, and the
     person's key_client_ms and key_received_ms. `excluded` is the researcher's
     reason, empty for what is analysed. Tutorials and watched games are left out.
@@ -78,7 +79,9 @@ class Export:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        return in_order(self.participants["condition"], tuple(self.about.get("conditions") or CONDITIONS))
+        """The conditions of all who were assigned, those who withdrew included."""
+        assigned = [table["condition"].cast(pl.String) for table in (self.participants, self.withdrawals)]
+        return in_order(pl.concat(assigned), tuple(self.about.get("conditions") or CONDITIONS))
 
     @property
     def layouts(self) -> tuple[str, ...]:
@@ -140,8 +143,8 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
         episodes,
         numbers.drop_nulls("episode"),
         _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
-        _pauses(raw["pauses"]).join(played, on="episode", how="semi"),
-        _about(folder, study, version) if study else {},
+        _pauses(raw["pauses"], episodes),
+        _about(folder, study, version, participants) if study else {},
         version,
         raw.get("reliance", pl.DataFrame()),
         numbers.join(participants.select("participant"), on="participant", how="semi"),
@@ -229,17 +232,28 @@ def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
     ).sort("episode", "timestep")
 
 
-def _pauses(table: pl.DataFrame) -> pl.DataFrame:
-    """Pauses with `started_at` as a time, where they have it: in CSV it is text."""
+def _pauses(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
+    """Pauses of these episodes with `of_person`, and `started_at` as a time, where they have it: in CSV it is text."""
+    table = _with_default(table, "seat", None).join(episodes.select("episode", "watched_seat"), on="episode")
+    of_partner = pl.col("seat").cast(pl.Int64, strict=False) == pl.col("watched_seat").cast(pl.Int64)
+    table = table.with_columns(of_person=~of_partner.fill_null(value=False)).drop("watched_seat")
     if table.schema.get("started_at") != pl.String:
         return table
     return table.with_columns(pl.col("started_at").str.to_datetime(time_unit="us", time_zone="UTC", strict=False))
 
 
-def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
+def _taken_part(files: list[Path], participants: pl.DataFrame) -> list[Path]:
+    """Return the versions of the study file under which somebody took part; none where the export does not say."""
+    if "study_version" not in participants.columns:
+        return []
+    numbers = participants["study_version"].cast(pl.Int64, strict=False).drop_nulls().unique()
+    return [file for file in files if file.stem.rpartition("-")[2] in {str(number) for number in numbers}]
+
+
+def _about(folder: Path, study: str, version: int | None, participants: pl.DataFrame) -> dict[str, Any]:
     """Return what the export has in addition to its tables: about.json, and `title`, `factors` (with levels),
-    `conditions` and `layouts` (names in order) of the chosen version of the study file, else of the newest one, where
-    it lies in the export."""
+    `conditions` and `layouts` (names in order) of the chosen version of the study file, else of the newest one under
+    which somebody took part, where it lies in the export."""
     path = folder / "about.json"
     try:
         said = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -249,6 +263,7 @@ def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
     plain = re.fullmatch(r"[\w-]+", study)  # never outside the folder
     files = folder.glob(f"studies/{study}_version-{'*' if version is None else version}.yaml") if plain else ()
     versions = sorted(files, key=lambda file: (len(file.name), file.name))
+    versions = _taken_part(versions, participants) or versions
     try:
         text = versions[-1].read_text(encoding="utf-8") if versions else "{}"
         said = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - texts only, as they were written

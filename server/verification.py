@@ -42,8 +42,9 @@ def verify(connection: Connection, episode_id: str) -> VerificationResult:
     if record is None or ended is None:
         return VerificationResult(episode_id, "?", 0, "there is no such episode")
     stored = ticks.of_episode(connection, episode_id)
-    if not stored:
-        return VerificationResult(episode_id, ended.layout, 0)
+    if not stored:  # of an episode that ended before its start, nothing is
+        lost = "it was played to its end, but no timestep is stored" if ended.status == "done" else None
+        return VerificationResult(episode_id, ended.layout, 0, lost, None if lost is None else 0)
     try:
         layout = _layout(record.spec.grid, record.spec.layout)
     except LayoutError as error:

@@ -112,7 +112,7 @@ def planned_analysis(study: Study) -> dict[str, Any]:
     return {
         "command": "kitchenmind report EXPORT",
         "measure": "reward: score plus credit for unfinished soups, per episode",
-        "analysed": "episodes played to their end by participants who finished, unless the researcher excluded them",
+        "analysed": "episodes played to their end by people who finished; neither they nor anybody in them excluded",
         "conditions": conditions,
         "factors": {factor: list(levels) for factor, levels in study.factors.items()} or None,
         "levels_of_conditions": _levels(study) or None,

@@ -17,6 +17,7 @@ from server.export.codebook_columns import (
     timesteps,
 )
 from server.export.codebook_intentions import INTENTION_COLUMNS
+from server.export.codebook_pages import ANSWERS, EVENTS, VISITS
 from server.export.codebook_studies import ARRIVALS, EXCLUSIONS, STUDIES, WITHDRAWALS
 from server.play.recorder import INPUT_OUTCOMES
 from server.store.tables import EPISODE_STATUSES, PARTICIPANT_STATUSES
@@ -241,46 +242,11 @@ PAUSES = ExportTable(
         text("reason", "hidden, blur, lost, other_tab, database, researcher or server."),
         time("started_at", "When it began; after a crash of the server, the last stored moment."),
         ms("duration_ms", "Its length without the countdown that follows; empty: not over."),
-    ),
-)
-ANSWERS = ExportTable(
-    "answers",
-    "an answer to a question",
-    (
-        PARTICIPANT,
-        text("episode", "Episode that the question is about; empty: about the study."),
-        STEP,
-        text("question", "Key of the question in the study file, or of the item of a published scale (`scales`)."),
-        text("value", "The answer; lists and yes/no as JSON."),
-        text("value_type", "text, number, boolean, list or null."),
-        time("submitted_at", "When the page was submitted."),
-        ms("took_ms", "Time spent on the page."),
-        Column(
-            "attention",
-            "boolean",
-            "True: passed attention check; false: failed attention check; empty: not an attention check.",
+        code(
+            "seat",
+            "Seat of the person whose absence began the pause, also where the other person left later; empty: not an "
+            "absence, the person watched two agents, or an earlier version recorded it.",
         ),
-    ),
-)
-VISITS = ExportTable(
-    "visits",
-    "a page that a participant requested",
-    (
-        PARTICIPANT,
-        STEP,
-        time("entered_at", "When the page was requested."),
-        time("left_at", "When the page was submitted; empty: it was not."),
-    ),
-)
-EVENTS = ExportTable(
-    "events",
-    "an event outside the game",
-    (
-        text("participant", "Who."),
-        text("episode", "During which episode."),
-        time("at", "When."),
-        text("kind", "reload, takeover, trouble, rtt, not_asked (because of an earlier answer), partner_withdrew, ..."),
-        Column("detail", "json", "Further details."),
     ),
 )
 TABLES = (

@@ -106,6 +106,7 @@ class PauseRecord:
     started_at: datetime  # UTC
     duration_ms: float | None  # until all were ready again; the 3-2-1 that follows is not counted. None: still lasting
     inputs: tuple[InputRecord, ...] = ()  # that no tick has recorded
+    seat: int | None = None  # of the person whose absence began it; None: nobody's, or of one who watches two agents
 
 
 @dataclass(frozen=True)

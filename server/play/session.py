@@ -121,7 +121,8 @@ class Session:
         if not started:
             return None
         self.paused_since = now
-        self.pause_record = PauseRecord(self.episode, self.simulation.timestep, reason, at, None)
+        seat = holder if isinstance(holder, int) and holder != VIEWER else None
+        self.pause_record = PauseRecord(self.episode, self.simulation.timestep, reason, at, None, seat=seat)
         return replace(self.pause_record, inputs=self.settled_inputs())
 
     def release(self, holder: Holder, now: float) -> bool:

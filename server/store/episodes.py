@@ -3,7 +3,7 @@
 import hashlib
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from itertools import zip_longest
 from typing import Any, Final
@@ -208,14 +208,14 @@ def pause(connection: Connection, record: PauseRecord) -> None:
     A game has one pause at a time: one that is still open was left by a server that died, and ends where this begins.
     """
     here = {"episode": record.episode, "start": record.started_at}
-    row = {"timestep": record.timestep, "reason": record.reason, "duration_ms": record.duration_ms}
+    row = {"timestep": record.timestep, "reason": record.reason, "duration_ms": record.duration_ms, "seat": record.seat}
     if connection.execute(_END_PAUSE, here | row).rowcount:
         return input_rows.insert(connection, record.inputs)
     if connection.execute(_EPISODE_IS_STORED, here).first() is None:
         return None
     for left in connection.execute(_OPEN_BEFORE, here).all():
         lasted_ms = (record.started_at - left.started_at) / timedelta(milliseconds=1)
-        pause(connection, PauseRecord(record.episode, left.timestep, left.reason, left.started_at, lasted_ms))
+        pause(connection, replace(_pause_of(left), duration_ms=lasted_ms))
     connection.execute(_BEGIN_PAUSE, {"episode_id": record.episode, "started_at": record.started_at, **row})
     return input_rows.insert(connection, record.inputs)
 
@@ -233,7 +233,11 @@ _BEGIN_PAUSE: Final = pauses.insert()
 def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:
     """Return the episode's pauses, in order."""
     rows = connection.execute(select(pauses).where(pauses.c.episode_id == episode_id).order_by(pauses.c.started_at))
-    return [PauseRecord(row.episode_id, row.timestep, row.reason, row.started_at, row.duration_ms) for row in rows]
+    return [_pause_of(row) for row in rows]
+
+
+def _pause_of(row: Any) -> PauseRecord:
+    return PauseRecord(row.episode_id, row.timestep, row.reason, row.started_at, row.duration_ms, seat=row.seat)
 
 
 def end(connection: Connection, result: EpisodeResult) -> bool:

@@ -158,5 +158,12 @@ pauses = Table(
     column("reason", String(64), meaning="hidden, blur, lost, other_tab, database, researcher or server."),
     time("started_at", "When it began; after a crash of the server, the last stored moment."),
     column("duration_ms", Double, nullable=True, meaning="Its length; none: not over.", unit="ms"),
+    column(
+        "seat",
+        SmallInteger,
+        nullable=True,
+        meaning="Seat of the person whose absence began it; none: not an absence, the person watched two agents, or an "
+        "earlier version stored it.",
+    ),
     UniqueConstraint("episode_id", "started_at"),
 )

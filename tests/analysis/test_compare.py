@@ -78,6 +78,27 @@ def test_people_are_permuted_whole() -> None:
     assert row[0].p == pytest.approx(6 / 90, abs=0.015)
 
 
+def test_people_are_not_permuted_where_a_condition_has_a_single_person() -> None:
+    """Every permutation of one person each is like the observed one, so that p is 1 whatever the difference."""
+    episodes = study(3, effect=90.0, people=1)
+    rows = ranks.kruskal_wallis(episodes, "reward", CONDITIONS, ("sp", "fcp"), draws=50)
+    assert not any(np.isnan(row.p) for row in select(rows, test="kruskal_wallis"))
+    people = select(rows, test="kruskal_wallis_people")
+    assert [(row.agent, row.n, row.note) for row in people] == [
+        (agent, 3, "fewer than two people in a condition") for agent in ("sp", "fcp")
+    ]
+    assert all(np.isnan(row.p) for row in people)
+
+
+def test_a_difference_known_with_a_single_agent_is_not_said_to_be_the_same_with_all() -> None:
+    episodes = study(3, effect=20.0).filter(~((pl.col("condition") == "tom") & (pl.col("agent") == "fcp")))
+    layout, agent = ranks.dependence(episodes, "reward", ("tom", "none"), ("layout", "agent"), 50, 1)
+    assert np.isfinite(layout.p)
+    assert layout.p_adjusted == layout.p, "a family of one"
+    assert (agent.test, agent.note) == ("contrast_by_agent", "fewer than two with episodes in both conditions")
+    assert np.isnan(agent.p)
+
+
 def test_anova_is_the_ratio_of_mean_squares() -> None:
     episodes = study(3, effect=5)
     rows = list(compare.anova(episodes, "reward", CONDITIONS, [("matrix", "fcp")]))

@@ -83,6 +83,30 @@ def test_lag_is_what_slow_keys_cost_more_than_the_fastest() -> None:
     assert measures.lag(keys.drop("key_client_ms"), NO_PAUSES)["lag_ms"].item() is None
 
 
+@pytest.mark.parametrize("kind", ["time", "text"])
+def test_lag_is_unknown_where_the_game_ran_faster_than_real_time(kind: str) -> None:
+    """As bots play: the game's clock runs five times as fast as the browser's."""
+    began = datetime(2026, 1, 1, tzinfo=UTC)
+    fast = ticks([N] * 21, [N] * 21).with_columns(
+        key_client_ms=pl.col("timestep") * 40.0,
+        key_received_ms=pl.col("timestep") * 200.0,
+        scheduled_ms=pl.col("timestep") * 200.0,
+        late_ms=0.0,
+        made_at=pl.Series([began + timedelta(milliseconds=40 * t) for t in range(21)]).dt.cast_time_unit("us"),
+    )
+    late = fast.with_columns(  # the first ten timesteps are late and then caught up with, one after the other
+        episode=pl.lit("real"),
+        key_client_ms=pl.col("timestep") * 200.0,
+        made_at=pl.Series([began + timedelta(milliseconds=max(200 * t, 1990 + t)) for t in range(21)]),
+        late_ms=pl.Series([max(0.0, 1990.0 - 199 * t) for t in range(21)]),
+    ).with_columns(key_received_ms=pl.col("key_client_ms") + pl.when(pl.col("timestep") < 10).then(900).otherwise(40))
+    both = pl.concat([fast, late.cast({"made_at": fast.schema["made_at"]})])
+    if kind == "text":
+        both = both.with_columns(pl.col("made_at").dt.strftime("%Y-%m-%d %H:%M:%S%.6fZ"))
+    found = dict(measures.lag(both, NO_PAUSES).rows())
+    assert found == {"e": None, "real": pytest.approx(860)}
+
+
 def test_a_pause_or_a_new_page_is_no_lag() -> None:
     """The server's clock leaves pauses out, and the browser's restarts with a new page."""
     client = [200.0 * t + (13_000 if t >= 10 else 0) - (30_000 if t >= 15 else 0) for t in range(21)]

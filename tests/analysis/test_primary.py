@@ -182,6 +182,17 @@ def test_a_declaration_that_came_after_some_data_is_named(
     assert declaration_of(alone) == Declaration(found.primary)
 
 
+def test_a_version_under_which_nobody_took_part_declares_nothing(planted_folder: Path, tmp_path: Path) -> None:
+    """It came after the data: neither its primary test nor its factors are those of the study that was run."""
+    later = "primary: {comparison: [random, none]}\nfactors: {prediction: [none, tom, more]}\n"
+    folder = declaring(planted_folder, tmp_path / "data", PRIMARY, later)
+    people = pl.read_parquet(folder / "participants.parquet").with_columns(study_version=1)
+    people.write_parquet(folder / "participants.parquet")
+    export = read_export(folder)
+    assert declaration_of(export) == Declaration(DeclaredTest("reward", ("tom", "none")))
+    assert export.about["factors"] == {}
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [

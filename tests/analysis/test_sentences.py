@@ -98,6 +98,23 @@ def test_a_difference_that_turns_with_the_agent_is_said_to_depend_on_it() -> Non
     assert "did not differ significantly between ToM" in one(said, "mixed model")
 
 
+def test_effects_that_a_mixed_model_does_not_have_are_not_named(nothing: Said, tmp_path: Path) -> None:
+    assert "as random effect and agent and layout as fixed effects, the" in one(nothing, "mixed model")
+    truth = Truth(participants=4, agents=("sp",), layouts=("matrix", "double_rings"), timesteps=20, broken=0)
+    write_export(truth, tmp_path / "data")
+    said = apa_text.sentences(write_report(tmp_path / "data", tmp_path / "out", Options(power_studies=20)).analysis)
+    (text,) = (text for text in said if "mixed model" in text)
+    assert "as random effect and layout as fixed effect, the reward" in text
+
+
+def test_layouts_whose_answers_are_not_compared_are_named(nothing: Said) -> None:
+    text = one(nothing, "Answers about")
+    assert text.startswith(
+        "Answers about Coordination Ring, Double Rings, Double Counters and Matrix, "
+        "and not those about Clear Division, were averaged"
+    )
+
+
 def test_every_question_and_comparison_has_a_sentence_also_without_a_finding(nothing: Said) -> None:
     tests = select(nothing.rows, section="questionnaire", test="t_test_people")
     assert len(tests) == 3 * 3 * len(AGENTS)

@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis import exclusions
+from analysis import exclusions, measures
 from analysis.report import Report, write_report
 from analysis.results import Result, select
 from analysis.sensitivity import ATTRITION
@@ -136,3 +136,20 @@ def test_an_episode_of_two_people_has_one_row_in_the_quality_table(tmp_path: Pat
     made = reported(pairs_export(tmp_path / "data", (RING,)), tmp_path)
     assert made.analysis.quality.height == 10
     assert made.analysis.quality["episode"].n_unique() == 10
+
+
+@pytest.mark.parametrize("kind", ["parquet", "csv"])
+def test_only_the_absence_of_the_person_for_whom_a_round_counts_is_hidden_time(kind: str, tmp_path: Path) -> None:
+    """The watched person has seat 1. A pause of an earlier version has no seat: it counts, as nobody knows whose it
+    was."""
+    folder = pairs_export(tmp_path / "data", (RING,))
+    first, second, third = pl.read_parquet(folder / "episodes.parquet")["episode"][:3]
+    rows = [(first, "hidden", 30_000.0, 1), (second, "blur", 30_000.0, 0), (third, "hidden", 30_000.0, None)]
+    pauses = pl.DataFrame(rows, schema=["episode", "reason", "duration_ms", "seat"], orient="row")
+    for old in folder.glob("*pauses*"):
+        old.unlink()
+    getattr(pauses, f"write_{kind}")(folder / f"pauses.{kind}")
+    found = measures.episode_measures(read_export(folder))
+    shares = dict(found.select("episode", "hidden_share").iter_rows())
+    assert shares[first] == 0
+    assert shares[second] == shares[third] == pytest.approx(30 / 34)

@@ -83,6 +83,10 @@ def remove_tick(connection: Connection) -> None:
     connection.execute(delete(ticks).where(ticks.c.episode_id == first_episode(connection), ticks.c.timestep == 17))
 
 
+def remove_all_ticks(connection: Connection) -> None:
+    connection.execute(delete(ticks).where(ticks.c.episode_id == first_episode(connection)))
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -96,8 +100,21 @@ def remove_tick(connection: Connection) -> None:
         (change_episode(progress=0.5), "progress is"),
         (change_episode(final_hash="0" * 16), "final_hash is"),
         (remove_tick, "has no tick 17"),
+        (remove_all_ticks, "no timestep is stored"),
     ],
-    ids=["hash", "reward", "shaped", "events", "action", "score", "soups", "progress", "final hash", "hole"],
+    ids=[
+        "hash",
+        "reward",
+        "shaped",
+        "events",
+        "action",
+        "score",
+        "soups",
+        "progress",
+        "final hash",
+        "hole",
+        "all lost",
+    ],
 )
 def test_any_change_of_what_was_stored_is_found_and_named(
     filled: str, change: Callable[[Connection], None], told: str, capsys: pytest.CaptureFixture[str]
@@ -109,6 +126,13 @@ def test_any_change_of_what_was_stored_is_found_and_named(
     out = capsys.readouterr().out
     assert f"episode {episode}" in out
     assert told in out
+
+
+def test_an_episode_that_ended_before_its_start_has_nothing_to_verify(filled: str) -> None:
+    with Database(filled) as database:
+        database.write_now(remove_all_ticks)
+        database.write_now(change_episode(status="aborted"))
+    assert verify(filled) == 0
 
 
 def test_changed_action_shows_in_the_states_that_follow(filled: str, capsys: pytest.CaptureFixture[str]) -> None:

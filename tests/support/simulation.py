@@ -99,6 +99,7 @@ def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws:
         conditions=CONDITIONS,
         agents=AGENTS,
         contrast=design.contrast,
+        layouts=LAYOUTS,
         questionnaire_layouts=LAYOUTS[:4],
         subjects=PEOPLE,
         within=(),

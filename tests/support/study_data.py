@@ -127,7 +127,7 @@ def _play(
     episode = episodes.create(connection, new)
     records = played(episode, timesteps, seed)
     ticks.insert(connection, [structs.replace(record, inputs=sent(record)) for record in records])
-    episodes.pause(connection, PauseRecord(episode, 7, "blur", START + timedelta(seconds=number), 1234.5))
+    episodes.pause(connection, PauseRecord(episode, 7, "blur", START + timedelta(seconds=number), 1234.5, seat=0))
     events.add(connection, events.Event("rtt", START, participant, episode, {"ms": 12.5}))
     episodes.end(connection, result_of(records, spec))
     answers.save(

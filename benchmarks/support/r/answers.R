@@ -21,18 +21,24 @@ for (family in published) put_family(family)
 put_family(over_people)
 
 odds <- list()
+fixed_of_answers <- answer ~ condition + agent + layout
+if (within) fixed_of_answers <- update(fixed_of_answers, . ~ . + level + condition:level)
 for (question in QUESTIONS) {
   here <- droplevels(about[about$question == question, ])
   here$answer <- ordered(here$value)
   here$participant <- factor(here$participant)
+  if (within) {
+    here$level <- factor(here$factor_prediction)
+    contrasts(here$level) <- contr.sum(nlevels(here$level))
+  }
   model <- tryCatch(
-    quiet(clmm(answer ~ condition + agent + layout + (1 | participant), here, nAGQ = 15, Hess = TRUE,
+    quiet(clmm(update(fixed_of_answers, . ~ . + (1 | participant)), here, nAGQ = 15, Hess = TRUE,
       control = clmm.control(gradTol = 1e-8))),
     error = function(error) NULL)
   if (is.null(model)) next
   sd <- unname(model$ST[[1]][1])
   if (sd < 1e-3) {  # the variance is 0: clmm has no covariance there, so the model without it
-    model <- quiet(clm(answer ~ condition + agent + layout, data = here, control = clm.control(gradTol = 1e-8)))
+    model <- quiet(clm(fixed_of_answers, data = here, control = clm.control(gradTol = 1e-8)))
   } else put("ordinal", "person_sd", c(estimate = sd), "chosen", "all", question = question)
   covariance <- tryCatch(vcov(model), error = function(error) NULL)
   if (is.null(covariance)) next

@@ -59,7 +59,7 @@ if (length(factor_columns) == 2) {  # between people
 }
 if (within) for (question in c("", QUESTIONS)) {  # in two orders
   table <- if (question == "") transform(episodes, value = reward) else
-    merge(about[about$question == question, ], episodes[c("episode", "factor_prediction")], by = "episode")
+    about[about$question == question, ]
   fitted <- blocks(table, "value")
   row <- fitted$anova_table["level", ]
   put_effect(row$F, row$`num Df`, row$`den Df`, "prediction", question)

@@ -26,13 +26,13 @@ put_contrasts <- function(model, section, test) for (pair in PAIRS) {
 }
 tight <- lmerControl(optimizer = "bobyqa", optCtrl = list(maxfun = 1e5, rhoend = 1e-10), calc.derivs = TRUE)
 quiet <- function(expression) suppressMessages(suppressWarnings(expression))
-formula <- reward ~ condition + agent + layout + (1 | participant)
+fixed <- reward ~ condition + agent + layout
 if (within) {  # the levels that people met in blocks: a difference between orders is that of their means over the levels
   episodes$level <- factor(episodes$factor_prediction)
   contrasts(episodes$level) <- contr.sum(nlevels(episodes$level))
-  formula <- update(formula, . ~ . + level + condition:level)
+  fixed <- update(fixed, . ~ . + level + condition:level)
 }
-model <- quiet(lmer(formula, episodes, control = tight))
+model <- quiet(lmer(update(fixed, . ~ . + (1 | participant)), episodes, control = tight))
 put_contrasts(model, "mixed model", "fixed_effect")
 spread <- as.data.frame(VarCorr(model))$sdcor
 put("mixed model", "person_sd", c(estimate = if (isSingular(model)) 0 else spread[1]), "all", "all")
@@ -44,7 +44,7 @@ ratio <- anova(small, large)
 put("mixed model", "condition_by_layout", c(statistic = ratio$Chisq[2], df = ratio$Df[2],
   p = ratio$`Pr(>Chisq)`[2]), "all", "all")
 
-plain <- lm(reward ~ condition + agent + layout, episodes)
+plain <- lm(fixed, episodes)
 covariance <- quiet(clubSandwich::vcovCR(plain, cluster = episodes$participant, type = "CR2"))
 for (pair in PAIRS) {
   weights <- matrix(contrast_weights(pair, names(coef(plain))), 1)
@@ -52,7 +52,7 @@ for (pair in PAIRS) {
   put("robustness", "cluster_robust", tested(found$Est, found$SE, found$df), "all", "all", contrast = named(pair))
 }
 
-slopes <- quiet(lmer(reward ~ condition + agent + layout + (agent | participant), episodes, control = tight))
+slopes <- quiet(lmer(update(fixed, . ~ . + (agent | participant)), episodes, control = tight))
 for (pair in PAIRS) {
   found <- contest(slopes, contrast_weights(pair, names(fixef(slopes))), joint = FALSE)
   df <- nrow(of_people) - length(CONDITIONS)
@@ -64,27 +64,33 @@ slope <- attr(VarCorr(slopes)$participant, "stddev")[2]
 put("robustness", "slope_sd", c(estimate = unname(slope)), "all", "sp")  # sp against fcp: the same size
 
 episodes$round <- episodes$number - mean(episodes$number)
-with_round <- quiet(lmer(reward ~ condition + agent + layout + round + (1 | participant), episodes, control = tight))
-put_contrasts(with_round, "robustness", "with_round")
-# A slope of the round for each person, in units in which the two variances are alike.
-episodes$turn <- episodes$round / sd(episodes$round)
-df <- nrow(of_people) - length(CONDITIONS)
-learning <- quiet(lmer(reward ~ condition + agent + layout + round + (turn | participant), episodes, control = tight))
-put_learning <- function(test, model, weights, contrast = "") {
-  estimate <- sum(weights * fixef(model))
-  se <- sqrt(c(weights %*% as.matrix(vcov(model)) %*% weights))
-  put("robustness", test, tested(estimate, se, df), "all", "all", contrast = contrast)
+separable <- function() {
+  rank <- function(formula) qr(model.matrix(formula, episodes))$rank
+  rank(update(fixed, . ~ . + round)) > rank(fixed)
 }
-put_learning("round", learning, as.numeric(names(fixef(learning)) == "round"))
-products <- quiet(update(learning, . ~ . + condition:round))
-for (pair in PAIRS) {
-  names <- names(fixef(products))
-  weights <- setNames(numeric(length(names)), names)
-  for (sign in c(1, -1)) {
-    name <- grep(sprintf("^(condition%1$s:round|round:condition%1$s)$", pair[if (sign == 1) 1 else 2]), names)
-    weights[name] <- sign
+if (separable()) {  # not where all people had layouts and agents in the same order in each block
+  with_round <- quiet(lmer(update(fixed, . ~ . + round + (1 | participant)), episodes, control = tight))
+  put_contrasts(with_round, "robustness", "with_round")
+  # A slope of the round for each person, in units in which the two variances are alike.
+  episodes$turn <- episodes$round / sd(episodes$round)
+  df <- nrow(of_people) - length(CONDITIONS)
+  learning <- quiet(lmer(update(fixed, . ~ . + round + (turn | participant)), episodes, control = tight))
+  put_learning <- function(test, model, weights, contrast = "") {
+    estimate <- sum(weights * fixef(model))
+    se <- sqrt(c(weights %*% as.matrix(vcov(model)) %*% weights))
+    put("robustness", test, tested(estimate, se, df), "all", "all", contrast = contrast)
   }
-  put_learning("round_by_condition", products, weights, named(pair))
+  put_learning("round", learning, as.numeric(names(fixef(learning)) == "round"))
+  products <- quiet(update(learning, . ~ . + condition:round))
+  for (pair in PAIRS) {
+    names <- names(fixef(products))
+    weights <- setNames(numeric(length(names)), names)
+    for (sign in c(1, -1)) {
+      name <- grep(sprintf("^(condition%1$s:round|round:condition%1$s)$", pair[if (sign == 1) 1 else 2]), names)
+      weights[name] <- sign
+    }
+    put_learning("round_by_condition", products, weights, named(pair))
+  }
 }
 
 if (!within) for (places in list(lapply(LAYOUTS, c, "all"), lapply(AGENTS, function(agent) c("all", agent)))) {

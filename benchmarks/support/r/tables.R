@@ -22,7 +22,7 @@ answers <- read_table("answers")
 factor_columns <- grep("^factor_", names(episodes), value = TRUE)
 within <- length(factor_columns) == 1
 about <- merge(answers[c("episode", "question", "value")],
-  episodes[c("episode", "participant", "condition", "layout", "agent")], by = "episode")
+  episodes[c("episode", "participant", "condition", "layout", "agent", if (within) factor_columns)], by = "episode")
 about$value <- as.numeric(about$value)
 QUESTIONS <- c("partner_satisfaction", "efficiency")
 

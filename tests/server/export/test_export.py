@@ -37,6 +37,7 @@ def test_every_table_is_written_in_both_formats_with_the_same_columns_and_rows(
     assert counts["answers"] == 3 * (3 + 2 * 2)
     assert counts["inputs"] == 6 * 40 * 3
     assert counts["pauses"] == 6
+    assert parquet(folder, "pauses")["seat"].to_list() == [0] * 6
 
 
 def test_inputs_are_exported_with_the_timestep_as_ticks_count_it_and_what_became_of_them(

@@ -132,6 +132,11 @@ def test_offline_accuracy_is_found_by_the_hash_of_the_predictor(tmp_path: Path) 
         }
     }
     assert cards.offline_accuracy(episodes.drop("predictor_sha256"), tmp_path) == {}
+    people = episodes.with_columns(
+        watched_person=pl.when(pl.col("predictor") == "sp_predictor_stream").then(pl.lit("p2"))
+    )
+    found = cards.offline_accuracy(people, tmp_path)
+    assert list(found["sp"]) == ["sp_predictor_window"], "no offline test is about people"
 
 
 def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(

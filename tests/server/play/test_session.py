@@ -346,3 +346,36 @@ def test_two_agents_play_before_a_viewer() -> None:
     record = session.finish_tick([MODELS.decide(question) for question in session._asked], 1.0)
     assert None not in record.next_actions
     assert session.welcome(-1).seat == -1
+
+
+@pytest.mark.parametrize(("holder", "reason"), [(0, "hidden"), (1, "blur"), (1, "lost")])
+def test_a_pause_says_which_of_two_people_began_it(holder: int, reason: str) -> None:
+    session = Session(new_record(make_spec(agents=(None, None))), 0.0)
+    assert not session.release(0, 0.0)
+    assert session.release(1, 0.0)
+    session.count_down(0.0, 0.0)
+    session.finish_tick([MODELS.decide(question) for question in session.begin_start()], 1.0)
+    session.stored = True
+    tick(session)
+    begun = session.pause(holder, reason, 1.0, AT)
+    assert begun is not None
+    assert begun.seat == holder
+    assert session.pause(1 - holder, "hidden", 1.5, AT) is None
+    over = session.end_pause(4.0)
+    assert over is not None
+    assert (over.seat, over.duration_ms) == (holder, 3000.0)
+
+
+def test_a_pause_that_is_nobodys_absence_has_no_seat() -> None:
+    session, _ = start()
+    held = session.pause("researcher", "researcher", 101.0, AT)
+    assert held is not None
+    assert held.seat is None
+    watched = Session(new_record(make_spec(kind="watch", agents=("sp", "sp"))), 0.0)
+    watched.release(-1, 0.0)
+    watched.count_down(0.0, 0.0)
+    watched.finish_tick([MODELS.decide(question) for question in watched.begin_start()], 1.0)
+    watched.stored = True
+    away = watched.pause(-1, "hidden", 0.1, AT)
+    assert away is not None
+    assert (away.reason, away.seat) == ("hidden", None)

@@ -134,7 +134,7 @@ def test_two_keys_of_one_seat_in_one_tick_are_refused(episode: str) -> None:
 async def test_messages_report_the_begin_and_the_end_of_a_pause(
     database: Database, recorder: StoreRecorder, episode: str
 ) -> None:
-    lasting = PauseRecord(episode, 3, "hidden", START, None)
+    lasting = PauseRecord(episode, 3, "hidden", START, None, seat=1)
     await recorder.pause(lasting)
     assert database.read_now(episodes.pauses_of, episode) == [lasting]
     over = replace(lasting, duration_ms=812.5)
@@ -147,7 +147,7 @@ async def test_an_absence_cut_off_by_a_dying_server_ends_with_the_next_ones_paus
     database: Database, recorder: StoreRecorder, episode: str
 ) -> None:
     await recorder.pause(PauseRecord(episode, 2, "blur", START, 40.0))
-    away = PauseRecord(episode, 3, "lost", START + timedelta(seconds=1), None)
+    away = PauseRecord(episode, 3, "lost", START + timedelta(seconds=1), None, seat=1)
     await recorder.pause(away)
     taken_up = PauseRecord(episode, 3, "server", START + timedelta(seconds=61.25), None)
     await recorder.pause(taken_up)

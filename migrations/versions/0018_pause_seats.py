@@ -1,0 +1,14 @@
+"""Pauses have the seat of the person whose absence began them"""
+
+import sqlalchemy as sa
+from alembic import op
+
+
+revision = '0018'
+down_revision = '0017'
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    op.add_column('pauses', sa.Column('seat', sa.SmallInteger(), nullable=True))
