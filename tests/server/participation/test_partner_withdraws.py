@@ -138,6 +138,23 @@ async def test_who_waits_for_a_partner_who_withdraws_does_not_count_as_never_pai
     assert [one["why"] for one in pair.noted("alone")] == ["partner_left"]
 
 
+@pytest.mark.parametrize("how", ["withdrawn", "screened_out", "timed_out"])
+async def test_who_waits_is_found_to_have_lost_a_partner_who_leaves_the_study(make: MakePair, how: str) -> None:
+    pair = await make()
+    await pair.play(1)
+    pair.walk_to(pair.stays, "episode-02")
+    pair.open_page()
+    game = await pair.seating.find(pair.tokens[0], "pairs")
+    assert game.request.partner == pair.leaves
+    assert not await pair.seating.has_lost_partner(pair.stays)
+    if how == "withdrawn":
+        pair.database.write_now(withdraw, pair.leaves)
+    else:
+        pair.database.write_now(participants.leave, pair.leaves, how)
+    assert await pair.seating.has_lost_partner(pair.stays)
+    assert not await pair.seating.has_lost_partner(pair.leaves), "who has left waits for nobody"
+
+
 async def test_a_game_that_ended_by_a_withdrawal_leaves_nobody_to_wait_for(make: MakePair) -> None:
     """Between the end of the game and the deletion, the partner is still there."""
     pair = await make()
