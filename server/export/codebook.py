@@ -241,6 +241,7 @@ PAUSES = ExportTable(
         text("reason", "hidden, blur, lost, other_tab, database, researcher or server."),
         time("started_at", "When it began; after a crash of the server, the last stored moment."),
         ms("duration_ms", "Its length without the countdown that follows; empty: not over."),
+        ms("away_ms", "How much of it counted as absence of people; empty: not over, or from an older version."),
     ),
 )
 ANSWERS = ExportTable(
@@ -255,11 +256,7 @@ ANSWERS = ExportTable(
         text("value_type", "text, number, boolean, list or null."),
         time("submitted_at", "When the page was submitted."),
         ms("took_ms", "Time spent on the page."),
-        Column(
-            "attention",
-            "boolean",
-            "True: passed attention check; false: failed attention check; empty: not an attention check.",
-        ),
+        Column("attention", "boolean", "Whether the attention check was passed; empty: not an attention check."),
     ),
 )
 VISITS = ExportTable(

@@ -181,7 +181,8 @@ def last_tick_text(stored: Any) -> str:
 
 def pause_rows(chosen: Selection) -> Rows:
     c = pauses.c
-    query = select(c.episode_id, c.timestep, c.reason, c.started_at, c.duration_ms).join_from(pauses, episodes)
+    query = select(c.episode_id, c.timestep, c.reason, c.started_at, c.duration_ms, c.away_ms)
+    query = query.join_from(pauses, episodes)
     return (tuple(row) for row in chosen.rows(query.order_by(*_EPISODE_ORDER, c.started_at), _e.study_id))
 
 

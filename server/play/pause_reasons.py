@@ -60,6 +60,11 @@ class PauseReasons:
             return max(MIN_ABSENCE_S, now - absence.since)
         return max(0.0, self._stopped_at - absence.since)  # it does not let the game continue: no minimum is needed
 
+    def away_ms(self, now: float) -> float:
+        """Return how much of the time that all absences together may take is used up by now."""
+        lasting = [held for held in self._held.values() if held.reason in AWAY_REASONS]
+        return 1000 * (self._away_s + sum(self._counted_s(held, now) for held in lasting))
+
     def extend(self, seconds: float) -> None:
         """From now on absences in this game may last so much longer, each and all together."""
         limits = self._limits

@@ -158,5 +158,12 @@ pauses = Table(
     column("reason", String(64), meaning="hidden, blur, lost, other_tab, database, researcher or server."),
     time("started_at", "When it began; after a crash of the server, the last stored moment."),
     column("duration_ms", Double, nullable=True, meaning="Its length; none: not over.", unit="ms"),
+    column(
+        "away_ms",
+        Double,
+        nullable=True,
+        meaning="How much of it counted as absence of people; none: not over, or recorded by an older version.",
+        unit="ms",
+    ),
     UniqueConstraint("episode_id", "started_at"),
 )
