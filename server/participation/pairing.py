@@ -16,6 +16,7 @@ from server.store import episodes, events, participants, withdrawal
 from server.store.episodes import StoredEpisode
 from server.store.participants import Participant
 from server.store.tables import visits
+from server.store.unpaired import ALONE, PAIRED
 from server.study.definition import Study
 from server.study.steps import StudyStep
 
@@ -92,7 +93,7 @@ def seat_two(connection: Connection, studies: Studies, seat_down: SeatDown, firs
         return False
     episode = seat_down(connection, _as_before(connection, studies.of(present[0]), present), here[0])
     for one in present:
-        _note(connection, one.id, "paired", here[0], episode=episode)
+        _note(connection, one.id, PAIRED, here[0], episode=episode)
     return True
 
 
@@ -122,10 +123,10 @@ def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, part
     why = mates.alone or ("partner_left" if mates.partner else "nobody_came")
     if study.waiting_room.fallback == "leave":
         participants.release_with_code(connection, participant_id, next_step.new_code())
-        _note(connection, participant_id, "alone", step, why=why)
+        _note(connection, participant_id, ALONE, step, why=why)
     else:
         episode = seat_down(connection, [participant], step)
-        _note(connection, participant_id, "alone", step, why=why, episode=episode)
+        _note(connection, participant_id, ALONE, step, why=why, episode=episode)
 
 
 def _note(
