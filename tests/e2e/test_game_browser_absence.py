@@ -1,9 +1,10 @@
 """A participant who leaves the page: the game hears of it in every phase, and does not begin with nobody there."""
 
 import pytest
+from msgspec import structs
 from playwright.sync_api import Browser, Page, expect
 
-from server.play.messages import Away, Countdown, Paused, PauseReason, Ready
+from server.play.messages import Away, Countdown, Ended, EndReason, Paused, PauseReason, Ready
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
 from tests.support.browser.game_page import opened, settled, start
 
@@ -100,3 +101,26 @@ def test_leaving_before_start_is_not_an_absence(chromium: Browser, server: FakeG
         settled(page, server)
         assert not server.of(Away)
         assert not server.of(Ready)
+
+
+@pytest.mark.parametrize(
+    ("kind", "partner", "reason", "words"),
+    [
+        ("episode", "human", "away", "One player was away too long, so you two will not play together any more."),
+        ("episode", "human", "withdrawn", "Your partner has left the study, so this round ends here."),
+        ("episode", "human", "researcher", "It was stopped early."),
+        ("episode", "agent", "away", "You were away too long, so the round was stopped."),
+        ("episode", "agent", "error", "It was stopped early."),
+        ("tutorial", "agent", "away", "You were away too long, so the practice starts again."),
+    ],
+)
+def test_a_participant_reads_why_a_game_ended_before_its_time(
+    chromium: Browser, server: FakeGameServer, kind: str, partner: str, reason: EndReason, words: str
+) -> None:
+    server.welcome = structs.replace(server.welcome, kind=kind, partner=partner)  # type: ignore[arg-type]
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Ended(0, 0, 0.0, False, "/blank", reason))
+        page.wait_for_selector("#over:visible")
+        assert page.inner_text("#over-text").startswith(words)
+        assert not page.inner_text("#over-next").startswith("over.")

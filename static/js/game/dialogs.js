@@ -192,14 +192,17 @@ export class Dialogs {
 }
 
 /**
+ * Return which texts tell how a game ended.
  * @param {Wire.Ended} ended
  * @param {Wire.Welcome | null} game
  */
-function endKind(ended, game) {
+function endKind({ passed, reason }, game) {
+  const forTwo = game?.partner === 'human';
   if (game?.kind === 'watch') return 'watched';
-  if (game?.kind === 'tutorial') return ended.passed ? 'passed' : 'again';
-  if (ended.passed) return 'episode';
-  return game?.partner === 'human' ? 'parted' : 'stopped';
+  if (game?.kind === 'tutorial') return passed ? 'passed' : reason === 'away' ? 'paused' : 'again';
+  if (passed) return 'episode';
+  if (reason === 'away') return forTwo ? 'parted' : 'away';
+  return forTwo && reason === 'withdrawn' ? 'left' : 'stopped';
 }
 
 /**
