@@ -129,6 +129,21 @@ def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, part
         _note(connection, participant_id, ALONE, step, why=why, episode=episode)
 
 
+def leave_without_partner(connection: Connection, studies: Studies, participant: Participant) -> bool:
+    """End the participation, with a code, of somebody at the page before a round whose partner has left, if the study
+    has no agent in their place. Return whether it did: the page would announce a round that does not come."""
+    study, steps = studies.of(participant), studies.steps_of(participant)
+    coming = steps[participant.position + 1] if participant.position + 1 < len(steps) else None
+    is_before = studies.step(participant).kind == "ready" and study.waiting_room.fallback == "leave"
+    if coming is None or not is_before or not is_for_two(study, coming):
+        return False
+    why = company(connection, studies, participant, coming).alone
+    if not why or not participants.release_with_code(connection, participant.id, next_step.new_code()):
+        return False
+    _note(connection, participant.id, ALONE, coming, why=why)
+    return True
+
+
 def _note(
     connection: Connection, participant: str, kind: str, step: StudyStep, why: str = "", episode: str = ""
 ) -> None:

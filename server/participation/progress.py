@@ -192,6 +192,8 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
         move_on(connection, all_studies, participant)
         participant = participants.get(connection, participant_id)
         step = sequence[participant.position] if participant else step
+    if participant and pairing.leave_without_partner(connection, all_studies, participant):
+        return participants.get(connection, participant_id)
     answers.enter(connection, participant_id, step.key)
     participants.seen(connection, participant_id)
     return participants.get(connection, participant_id)

@@ -165,6 +165,30 @@ async def test_a_game_that_ended_by_a_withdrawal_leaves_nobody_to_wait_for(make:
     assert found == pairing.Company(alone="partner_left")
 
 
+@pytest.mark.parametrize("end", ["away", "withdrawn"])
+async def test_no_round_is_announced_that_a_study_without_a_fallback_agent_does_not_have(
+    make: MakePair, end: str
+) -> None:
+    pair = await make(STUDY.replace("fallback: agent", "fallback: leave"))
+    await pair.play(1, end)
+    if end == "withdrawn":
+        pair.database.write_now(withdraw, pair.leaves)
+    pair.open_page()
+    stays = pair.now(pair.stays)
+    assert (stays.status, pair.step()) == ("returned", "ready-02")
+    assert stays.completion_code, "and is paid"
+    assert pair.noted("alone") == [{"step": "episode-02", "why": "partner_left"}]
+    pair.open_page()
+    assert pair.now(pair.stays) == stays
+
+
+async def test_who_still_has_a_partner_gets_the_page_before_the_next_round(make: MakePair) -> None:
+    pair = await make(STUDY.replace("fallback: agent", "fallback: leave"))
+    await pair.play(1)
+    pair.open_page()
+    assert (pair.now(pair.stays).status, pair.step()) == ("active", "ready-02")
+
+
 async def test_after_the_only_round_the_study_continues_to_its_end(make: MakePair) -> None:
     pair = await make(STUDY.replace("fallback: agent", "fallback: leave").replace("repeat: 3", "repeat: 1"))
     await pair.play(1, None)
