@@ -38,6 +38,10 @@ class PauseReasons:
     def __contains__(self, holder: Holder) -> bool:
         return holder in self._held
 
+    def is_away(self, holder: Holder) -> bool:
+        """Return whether this holder's time counts as an absence."""
+        return holder in self._held and self._held[holder].reason in AWAY_REASONS
+
     def hold(self, holder: Holder, reason: str, now: float) -> None:
         """A person who is away already stays away since the first moment; one whom the server kept waiting does not."""
         held = self._held.get(holder)

@@ -103,6 +103,56 @@ def test_leaving_before_start_is_not_an_absence(chromium: Browser, server: FakeG
         assert not server.of(Ready)
 
 
+def test_a_participant_whom_the_partner_waits_for_sees_it_on_the_tab_and_how_long(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    server.welcome = structs.replace(server.welcome, partner="human")  # type: ignore[arg-type]
+    with opened(chromium, server) as page:
+        page.wait_for_selector("#start:visible")
+        plain = page.title()
+        page.evaluate("Object.defineProperty(document, 'hidden', { configurable: true, value: true })")
+        server.send(Paused("lost", 20.0))
+        expect(page).to_have_title("Your partner is waiting for you!")
+        assert page.inner_text("#start-title").startswith("Round"), "the game has not begun"
+        assert page.inner_text("#start-left") == "Please start within 20 seconds."
+        page.evaluate("delete document.hidden")
+        expect(page).to_have_title(plain)
+
+
+def test_no_start_dialog_appears_if_both_players_were_ready_at_the_same_time(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    server.page |= {"ready_page": True}
+    server.welcome = structs.replace(server.welcome, partner="human")  # type: ignore[arg-type]
+    with opened(chromium, server) as page:
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        server.send(Paused("lost", 20.0))
+        page.wait_for_selector("[data-phase=paused]")
+        assert page.get_attribute(".game", "data-view") == "none"
+        server.send(Countdown(0), tick(kitchen(t=1)))
+        page.wait_for_selector("[data-phase=playing]")
+
+
+def test_a_page_names_the_kitchen_in_its_own_language(chromium: Browser, server: FakeGameServer) -> None:
+    server.page |= {"language": "zh", "title": "协作环"}
+    with opened(chromium, server) as page:
+        expect(page.locator("#title")).to_have_text("协作环")
+        assert page.inner_text("#start-title").endswith("协作环")
+
+
+def test_no_time_is_shown_when_it_is_over(chromium: Browser, server: FakeGameServer) -> None:
+    server.page |= {"away_s": 1}
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.refusing = True
+        server.cut()
+        page.wait_for_selector("#banner:visible")
+        expect(page.locator("#banner-left")).to_have_text(
+            "Please wait; the round ends if this takes longer than 1 second."
+        )
+        expect(page.locator("#banner-left")).to_have_text("")
+
+
 @pytest.mark.parametrize(
     ("kind", "partner", "reason", "words"),
     [

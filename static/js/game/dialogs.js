@@ -160,7 +160,7 @@ export class Dialogs {
     if (dialog.name === 'count') this.#countdown(dialog.seconds ?? 0);
     const place = SECONDS[dialog.name];
     if (!place) return;
-    const words = dialog.seconds === null ? '' : this.#timeLeft(dialog.seconds, dialog);
+    const words = dialog.seconds ? this.#timeLeft(dialog.seconds, dialog) : ''; // when it is over, none are left
     const element = this.#find(place);
     if (element.textContent !== words) element.textContent = words;
   }
@@ -172,6 +172,7 @@ export class Dialogs {
    */
   #timeLeft(seconds, { name, reason }) {
     const time = seconds === 1 ? this.text('one_second') : this.text('some_seconds', { seconds });
+    if (name === 'start' && reason !== 'resumed') return this.text('left.start', { time });
     return this.text(`left.${name === 'banner' ? 'lost' : (OTHERS[reason] ?? 'own')}`, { time });
   }
 

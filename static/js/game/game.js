@@ -42,7 +42,7 @@ const DIALOG_MS = 200;
 const BOARD_FRAME = 6; // CSS pixels around the board
 
 /** @type {{ socket: string, sprites: string, lessons?: string[], away_s: number, ready_page: boolean,
- *   rounds?: RoundScore[] }} */
+ *   title?: string, rounds?: RoundScore[] }} title: of the kitchen, in this page's language */
 const config = jsonBlock('game-config');
 const text = catalogue(jsonBlock('texts'));
 const page = find('.game', HTMLElement);
@@ -132,6 +132,7 @@ function change(next) {
 
 /** @param {Wire.FromServer} message */
 function receive(message) {
+  if (message.type === 'welcome' && config.title) message = { ...message, title: config.title };
   const now = performance.now();
   // While the game is paused no key counts, and old keys do not act later.
   if (['paused', 'ended', 'superseded', 'welcome'].includes(message.type)) releaseKeys();
@@ -249,6 +250,7 @@ function showDialog(now) {
   page.dataset.second = second;
   page.dataset.view = dialog.name;
   if (dialogs.show(dialog, state)) announcer.dialog(dialog, state);
+  hud.call(document.hidden && dialog.name === 'start' && state.game?.partner === 'human');
   const usable = inPlay() && dialog.name === 'none';
   for (const button of findAll('.touch button', HTMLButtonElement, page)) {
     button.disabled = !usable && dialog.name !== 'count';
