@@ -133,6 +133,18 @@ def test_no_start_dialog_appears_if_both_players_were_ready_at_the_same_time(
         page.wait_for_selector("[data-phase=playing]")
 
 
+@pytest.mark.parametrize(("t", "words"), [(0, "The game starts in 3 seconds."), (5, "Resuming in 3 seconds.")])
+def test_a_screen_reader_hears_if_a_game_begins_or_continues(
+    chromium: Browser, server: FakeGameServer, t: int, words: str
+) -> None:
+    server.welcome = structs.replace(server.welcome, state=kitchen(t=t))  # type: ignore[arg-type]
+    with opened(chromium, server) as page:
+        page.click("#start-button")
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        server.send(Countdown(3))
+        expect(page.locator("#urgent")).to_have_text(words)
+
+
 def test_a_page_names_the_kitchen_in_its_own_language(chromium: Browser, server: FakeGameServer) -> None:
     server.page |= {"language": "zh", "title": "协作环"}
     with opened(chromium, server) as page:
