@@ -40,7 +40,7 @@ def episode_measures(export: Export) -> pl.DataFrame:
     hidden = _without_server_failures(export.pauses).filter(pl.col("reason").is_in(["hidden", "blur"]))
     if "of_person" in hidden.columns:
         hidden = hidden.filter("of_person")
-    hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").cast(pl.Float64).sum())
+    hidden = hidden.group_by("episode").agg(hidden_ms=_away_ms(hidden).sum())
     failed = export.participants.select("participant", pl.col("attention_failed").cast(pl.Int64))
     episodes = episodes.join(failed, on="participant", how="left", maintain_order="left")
     length_ms = pl.col("timesteps_seen") * pl.col("tick_ms")
@@ -53,6 +53,15 @@ def episode_measures(export: Export) -> pl.DataFrame:
         )
         .drop("hidden_ms", "longest_idle")
     )
+
+
+def _away_ms(pauses: pl.DataFrame) -> pl.Expr:
+    """Return how much of each pause was the person's absence, not for example the researcher's pause that came during
+    it. An export of an older version does not say: then it is all of it."""
+    lasted_ms = pl.col("duration_ms").cast(pl.Float64)
+    if "away_ms" not in pauses.columns:
+        return lasted_ms
+    return pl.min_horizontal(lasted_ms, pl.col("away_ms").cast(pl.Float64))  # leaves out what is null
 
 
 def _without_server_failures(pauses: pl.DataFrame) -> pl.DataFrame:

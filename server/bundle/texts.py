@@ -32,9 +32,11 @@ def allocation(study: Study, people: int) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(("participant", "condition", "seed", "episode", "layout", "agent", "episode_seed"))
     held: Counter[str] = Counter()
+    for_two = any(agent.human for agent in study.agents)
     for number in range(people):
         try:
-            condition = next_condition(study, {name: Count(completed=count) for name, count in held.items()}, number)
+            counts = {name: Count(completed=count) for name, count in held.items()}
+            condition = next_condition(study, counts, number, held if for_two else None)
         except StudyFullError:
             break
         held[condition] += 1

@@ -247,6 +247,7 @@ PAUSES = ExportTable(
             "Seat of the person whose absence began the pause, also where the other person left later; empty: not an "
             "absence, the person watched two agents, or an earlier version recorded it.",
         ),
+        ms("away_ms", "How much of it counted as absence of people; empty: not over, or from an older version."),
     ),
 )
 TABLES = (

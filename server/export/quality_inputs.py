@@ -30,7 +30,7 @@ _OF_EPISODES = (
 )  # fmt: skip
 
 
-_OF_PAUSES = ("timestep", "reason", "started_at", "duration_ms", "seat")
+_OF_PAUSES = ("timestep", "reason", "started_at", "duration_ms", "seat", "away_ms")
 
 
 def _failed() -> Label[int]:

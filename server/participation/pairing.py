@@ -16,6 +16,7 @@ from server.store import episodes, events, participants, withdrawal
 from server.store.episodes import StoredEpisode
 from server.store.participants import Participant
 from server.store.tables import visits
+from server.store.unpaired import ALONE, PAIRED
 from server.study.definition import Study
 from server.study.steps import StudyStep
 
@@ -57,6 +58,15 @@ def company(connection: Connection, studies: Studies, participant: Participant, 
     return Company(other) if is_there else Company(alone="partner_left")
 
 
+def expects_partner(connection: Connection, studies: Studies, participant: Participant, step: StudyStep) -> bool:
+    """Return whether the participant has no reason yet to expect an agent in this round: it is for two people, and
+    they played every one before with a person."""
+    if not is_for_two(studies.of(participant), step):
+        return False
+    alone = events.of_participant(connection, participant.id, ALONE)
+    return all(one.detail.get("step") == step.key for one in alone)
+
+
 def has_begun(connection: Connection, participant_id: str, step: StudyStep) -> bool:
     """Return whether the participant has a seat in this round, or had one until the partner withdrew."""
     is_seated = episodes.of_step(connection, participant_id, step.key) is not None
@@ -92,7 +102,7 @@ def seat_two(connection: Connection, studies: Studies, seat_down: SeatDown, firs
         return False
     episode = seat_down(connection, _as_before(connection, studies.of(present[0]), present), here[0])
     for one in present:
-        _note(connection, one.id, "paired", here[0], episode=episode)
+        _note(connection, one.id, PAIRED, here[0], episode=episode)
     return True
 
 
@@ -122,10 +132,25 @@ def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, part
     why = mates.alone or ("partner_left" if mates.partner else "nobody_came")
     if study.waiting_room.fallback == "leave":
         participants.release_with_code(connection, participant_id, next_step.new_code())
-        _note(connection, participant_id, "alone", step, why=why)
+        _note(connection, participant_id, ALONE, step, why=why)
     else:
         episode = seat_down(connection, [participant], step)
-        _note(connection, participant_id, "alone", step, why=why, episode=episode)
+        _note(connection, participant_id, ALONE, step, why=why, episode=episode)
+
+
+def leave_without_partner(connection: Connection, studies: Studies, participant: Participant) -> bool:
+    """End the participation, with a code, of somebody at the page before a round whose partner has left, if the study
+    has no agent in their place. Return whether it did: the page would announce a round that does not come."""
+    study, steps = studies.of(participant), studies.steps_of(participant)
+    coming = steps[participant.position + 1] if participant.position + 1 < len(steps) else None
+    is_before = studies.step(participant).kind == "ready" and study.waiting_room.fallback == "leave"
+    if coming is None or not is_before or not is_for_two(study, coming):
+        return False
+    why = company(connection, studies, participant, coming).alone
+    if not why or not participants.release_with_code(connection, participant.id, next_step.new_code()):
+        return False
+    _note(connection, participant.id, ALONE, coming, why=why)
+    return True
 
 
 def _note(

@@ -16,6 +16,7 @@ from server.store import answers, decisions, episodes, events, new_places, parti
 from server.store.events import ATTENTION_SCREENED_OUT
 from server.store.new_places import PlaceBudget
 from server.store.participants import NewParticipant, Participant
+from server.store.unpaired import unpaired
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.definition import Study
 from server.study.steps import StudyStep
@@ -111,7 +112,7 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
     taken = held(connection, study_id, study, arrival.simulated)
     new = NewParticipant(
         study_id=study_id,
-        condition=next_condition(study, taken, number),
+        condition=next_condition(study, taken, number, _unpaired(connection, study_id, study, arrival.simulated)),
         seed=participant_seed(study, number),
         token=arrival.token,
         language=arrival.language,
@@ -120,6 +121,14 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
         personal=arrival.extra,
     )
     return participants.create(connection, new)
+
+
+def _unpaired(connection: Connection, study_id: int, study: Study, simulated: bool) -> dict[str, int]:
+    """Return how many people (or bots) of each condition have not met a partner yet. Those who were not seen for
+    `hold_min` may have gone; nobody is sent to wait with them."""
+    if not any(agent.human for agent in study.agents):
+        return {}
+    return unpaired(connection, study_id, _held_since(study), simulated)
 
 
 def enrol_within(
@@ -183,6 +192,8 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
         move_on(connection, all_studies, participant)
         participant = participants.get(connection, participant_id)
         step = sequence[participant.position] if participant else step
+    if participant and pairing.leave_without_partner(connection, all_studies, participant):
+        return participants.get(connection, participant_id)
     answers.enter(connection, participant_id, step.key)
     participants.seen(connection, participant_id)
     return participants.get(connection, participant_id)

@@ -105,6 +105,17 @@ class Seating:
         """Seat a person for whom no partner arrived."""
         await self.database.write(pairing.go_alone, self.studies, self._sit, participant_id)
 
+    async def has_lost_partner(self, participant_id: str) -> bool:
+        """Return whether the person with whom this one has played cannot play the coming round with them."""
+        return await self.database.read(self._is_alone, participant_id)
+
+    def _is_alone(self, connection: Connection, participant_id: str) -> bool:
+        participant = participants.get(connection, participant_id)
+        if participant is None or participant.status != "active":
+            return False
+        step = self.studies.step(participant)
+        return bool(pairing.company(connection, self.studies, participant, step).alone)
+
     def _sit(self, connection: Connection, people: Sequence[Participant], step: StudyStep) -> str:
         return episodes.create(connection, self._new(people, step))
 

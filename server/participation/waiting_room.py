@@ -1,5 +1,5 @@
 """The waiting room: pair people of one condition who have reached the same round, as they arrive. It has sockets but no
-database: two functions given to it store the seats.
+database: functions given to it store the seats, and look whether a partner has left the study.
 """
 
 import asyncio
@@ -18,6 +18,7 @@ from server.store.database import DatabaseDown
 log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 0.1
 TELL_EVERY_S: Final = 1.0
+ASK_EVERY_S: Final = 2.0  # whether the partner of somebody who waits has left
 MAX_SEATED: Final = 10_000  # people whose last seat is remembered
 Room = tuple[int, str, str, bool]  # study version, condition, step, simulated or not
 
@@ -38,18 +39,23 @@ class _Waiter:
     request: PairingRequest
     connection: Connection
     told_at: float = -TELL_EVERY_S
+    asked_at: float = -ASK_EVERY_S
     busy: bool = False  # being seated
 
 
 SeatTwo = Callable[[str, str], Awaitable[bool]]  # False: one of them can no longer play this round
 SeatAlone = Callable[[str], Awaitable[None]]
+HasLostPartner = Callable[[str], Awaitable[bool]]  # True: the partner whom this person waits for cannot come any more
 
 
 class WaitingRoom:
     """All people who wait for a partner. Made once in server.main."""
 
-    def __init__(self, clock: Clock, seat_two: SeatTwo, seat_alone: SeatAlone) -> None:
+    def __init__(
+        self, clock: Clock, seat_two: SeatTwo, seat_alone: SeatAlone, has_lost_partner: HasLostPartner
+    ) -> None:
         self._clock, self._seat_two, self._seat_alone = clock, seat_two, seat_alone
+        self._has_lost_partner = has_lost_partner
         self._waiting: dict[str, _Waiter] = {}  # by participant, in order of arrival
         self._seated: dict[str, Room] = {}  # by participant: where they got a seat last
         self._keeper: asyncio.Task[None] | None = None
@@ -93,8 +99,10 @@ class WaitingRoom:
         return self._waiting.get(waiter.participant) is waiter and not waiter.busy
 
     async def _serve(self, waiter: _Waiter, other: _Waiter | None) -> None:
-        if other is None and self._left_s(waiter) > 0:
+        if other is None and self._left_s(waiter) > 0 and not await self._waits_in_vain(waiter):
             self._tell(waiter)
+            return
+        if not self._is_free(waiter):  # they left while the database was read
             return
         some = [waiter] if other is None else [waiter, other]
         for one in some:
@@ -114,6 +122,20 @@ class WaitingRoom:
                 if seated:
                     self._remember(one)
                 self._dismiss(one, CloseCode.GAME_READY, "there is a game now")
+
+    async def _waits_in_vain(self, waiter: _Waiter) -> bool:
+        """Return whether the only person who could come has left the study: withdrawn, screened out or timed out."""
+        now = self._clock.now() / self._clock.speed
+        if waiter.request.partner is None or now - waiter.asked_at < ASK_EVERY_S:
+            return False
+        waiter.asked_at = now
+        try:
+            return await self._has_lost_partner(waiter.participant)
+        except DatabaseDown:
+            return False
+        except Exception:
+            log.exception("it is not known whether the partner of somebody who waits has left")
+            return False
 
     async def _seat(self, some: list[_Waiter]) -> bool:
         """Seat two people; return whether they have a game now."""

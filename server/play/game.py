@@ -102,7 +102,7 @@ class Game:
             return
         self.release(person)
         self.session.expect_others(person, self.clock.now())
-        self._tell_paused(person, connection)
+        self.tell_paused()
 
     def dismiss_all(self) -> None:
         """Close all connections, because the game continues in another process."""
@@ -173,8 +173,10 @@ class Game:
             self._tell_paused(person, connection)
 
     def _tell_paused(self, person: int, connection: Connection) -> None:
-        """Tell a person why the game is paused, or, if they are ready, why it does not start."""
-        if self.session.phase == "paused" or self.session.keeps_waiting(person):
+        """Tell a person why the game is paused, or does not start: others are awaited, or the person is."""
+        session = self.session
+        is_awaited = session.phase == "waiting" and session.pause_reasons.is_away(person)
+        if session.phase == "paused" or is_awaited or session.keeps_waiting(person):
             connection.send(self._paused(person))
 
     def show(self) -> None:

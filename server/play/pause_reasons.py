@@ -38,6 +38,10 @@ class PauseReasons:
     def __contains__(self, holder: Holder) -> bool:
         return holder in self._held
 
+    def is_away(self, holder: Holder) -> bool:
+        """Return whether this holder's time counts as an absence."""
+        return holder in self._held and self._held[holder].reason in AWAY_REASONS
+
     def hold(self, holder: Holder, reason: str, now: float) -> None:
         """A person who is away already stays away since the first moment; one whom the server kept waiting does not."""
         held = self._held.get(holder)
@@ -59,6 +63,11 @@ class PauseReasons:
         if self._stopped_at is None:
             return max(MIN_ABSENCE_S, now - absence.since)
         return max(0.0, self._stopped_at - absence.since)  # it does not let the game continue: no minimum is needed
+
+    def away_ms(self, now: float) -> float:
+        """Return how much of the time that all absences together may take is used up by now."""
+        lasting = [held for held in self._held.values() if held.reason in AWAY_REASONS]
+        return 1000 * (self._away_s + sum(self._counted_s(held, now) for held in lasting))
 
     def extend(self, seconds: float) -> None:
         """From now on absences in this game may last so much longer, each and all together."""

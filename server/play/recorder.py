@@ -107,6 +107,7 @@ class PauseRecord:
     duration_ms: float | None  # until all were ready again; the 3-2-1 that follows is not counted. None: still lasting
     inputs: tuple[InputRecord, ...] = ()  # that no tick has recorded
     seat: int | None = None  # of the person whose absence began it; None: nobody's, or of one who watches two agents
+    away_ms: float | None = None  # how much of it counted as people's absence; None: still lasting, or not known
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class EpisodeRecord:
     joint_actions: tuple[tuple[int, int], ...]
     last_hash: str | None
     status: Literal["new", "running", "done", "aborted"]
-    paused_ms: float  # sum of the pauses so far whose reason is in AWAY_REASONS
+    paused_ms: float  # how much of the pauses so far counted as absence
     next_actions: tuple[int | None, int | None] | None = None  # of the last stored tick; None where no tick is stored
     displayed: tuple[tuple[int, int], ...] | None = None  # of the last stored tick: what its frame carried
     known_at: datetime | None = None  # the last moment that is stored of it: of a tick, or of the end of a pause

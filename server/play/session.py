@@ -51,6 +51,7 @@ class Session:
         self.pause_reasons = PauseReasons(spec.pause, record.paused_ms)
         self.pause_record: PauseRecord | None = None  # of the pause that lasts
         self.paused_since = now
+        self._away_told_ms = record.paused_ms  # how much of the absences the pauses so far account for
         for person in self.people:
             self.pause_reasons.hold(person, "server" if self.resumed else NOT_STARTED, now)
         self._zero = 0.0  # when timestep 0 would have been, had there been no pause
@@ -150,9 +151,15 @@ class Session:
         """Return the current pause, as over now, to be stored: the game moves again, or this server stops playing
         it."""
         record, self.pause_record = self.pause_record, None
+        away_ms, self._away_told_ms = self._away_told_ms, self.pause_reasons.away_ms(now)
         if record is None:
             return None
-        return replace(record, duration_ms=round((now - self.paused_since) * 1000, 3), inputs=self.settled_inputs())
+        return replace(
+            record,
+            duration_ms=round((now - self.paused_since) * 1000, 3),
+            away_ms=round(self._away_told_ms - away_ms, 3),
+            inputs=self.settled_inputs(),
+        )
 
     def start_at(self, go: float) -> None:
         """Move the deadlines: the current state stands until `go`, the next one comes a tick later."""

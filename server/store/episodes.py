@@ -191,11 +191,13 @@ def _known_at(last: TickRecord | None, held: Sequence[PauseRecord]) -> datetime 
 
 
 def _away_ms(stored: Sequence[PauseRecord]) -> float:
-    """Return how long people were away. An absence that lasted when a server died ends with the pause of the next one:
-    how much of it was the person's nobody knows, so it is not held against them."""
+    """Return how long people were away. Older versions stored the first reason of a pause only: if that is an absence,
+    all of the pause counts, but not where a server died during it, as nobody knows how much of it was the person's."""
     away = 0.0
     for one, following in zip_longest(stored, stored[1:]):
-        if one.reason in AWAY_REASONS and one.duration_ms is not None:
+        if one.away_ms is not None:
+            away += one.away_ms
+        elif one.reason in AWAY_REASONS and one.duration_ms is not None:
             end = one.started_at + timedelta(milliseconds=one.duration_ms)
             cut_off = following is not None and following.reason == "server" and following.started_at == end
             away += 0.0 if cut_off else one.duration_ms
@@ -206,20 +208,22 @@ def pause(connection: Connection, record: PauseRecord) -> None:
     """Store the beginning of a pause, and its end when called again with the same start.
 
     A game has one pause at a time: one that is still open was left by a server that died, and ends where this begins.
+    How much of that one was a person's absence nobody knows, so it is not held against them.
     """
     here = {"episode": record.episode, "start": record.started_at}
-    row = {"timestep": record.timestep, "reason": record.reason, "duration_ms": record.duration_ms, "seat": record.seat}
+    row = {name: getattr(record, name) for name in _STORED}
     if connection.execute(_END_PAUSE, here | row).rowcount:
         return input_rows.insert(connection, record.inputs)
     if connection.execute(_EPISODE_IS_STORED, here).first() is None:
         return None
     for left in connection.execute(_OPEN_BEFORE, here).all():
         lasted_ms = (record.started_at - left.started_at) / timedelta(milliseconds=1)
-        pause(connection, replace(_pause_of(left), duration_ms=lasted_ms))
+        pause(connection, replace(_pause_of(left), duration_ms=lasted_ms, away_ms=0.0))
     connection.execute(_BEGIN_PAUSE, {"episode_id": record.episode, "started_at": record.started_at, **row})
     return input_rows.insert(connection, record.inputs)
 
 
+_STORED: Final = ("timestep", "reason", "duration_ms", "seat", "away_ms")
 # Made once: many games pause in the same moment when a machine or a network halts, and building a statement each time
 # took longer than running it.
 _HERE: Final = pauses.c.episode_id == bindparam("episode")
@@ -237,7 +241,7 @@ def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:
 
 
 def _pause_of(row: Any) -> PauseRecord:
-    return PauseRecord(row.episode_id, row.timestep, row.reason, row.started_at, row.duration_ms, seat=row.seat)
+    return PauseRecord(row.episode_id, **{name: getattr(row, name) for name in ("started_at", *_STORED)})
 
 
 def end(connection: Connection, result: EpisodeResult) -> bool:

@@ -165,5 +165,12 @@ pauses = Table(
         meaning="Seat of the person whose absence began it; none: not an absence, the person watched two agents, or an "
         "earlier version stored it.",
     ),
+    column(
+        "away_ms",
+        Double,
+        nullable=True,
+        meaning="How much of it counted as absence of people; none: not over, or recorded by an older version.",
+        unit="ms",
+    ),
     UniqueConstraint("episode_id", "started_at"),
 )

@@ -27,15 +27,21 @@ class StudyFullError(Exception):
     """Every condition has reached its quota."""
 
 
-def next_condition(study: Study, counts: Mapping[str, Count], number: int) -> str:
+def next_condition(
+    study: Study, counts: Mapping[str, Count], number: int, unpaired: Mapping[str, int] | None = None
+) -> str:
     """Return the condition of the participant who is the `number`-th (from 0) to consent.
 
     Of the conditions below their quota, the one whose held places are fewest for its weight; equal ones are drawn by
     the study's seed and `number`. So places that dropouts leave are filled first. Raises StudyFullError.
+
+    `unpaired`: in a study with rounds of two people, how many in each condition have not met a partner yet. Where that
+    number is odd, somebody waits for one more: these conditions come first.
     """
     open_ones = [condition for condition in study.conditions if not _is_full(condition, counts)]
     if not open_ones:
         raise StudyFullError(study.name)
+    open_ones = [one for one in open_ones if (unpaired or {}).get(one.name, 0) % 2] or open_ones
     # The share with one more participant: for weights 1 and 2 the places are taken 2, 1, 2, 2, 1, 2 ...
     share = {
         condition.name: (counts.get(condition.name, Count()).held + 1) / condition.weight for condition in open_ones

@@ -166,6 +166,18 @@ def test_hidden_time_is_a_share_of_the_time_that_the_episode_took(planted: Expor
     assert found["hidden_share"][1] == 0
 
 
+def test_a_researchers_pause_during_an_absence_is_not_hidden_time(planted: Export) -> None:
+    episode = planted.episodes["episode"][0]
+    rows = {
+        "episode": [episode] * 3,
+        "reason": ["hidden"] * 3,
+        "duration_ms": [600_000.0, 200.0, 1000.0],
+        "away_ms": [2500.0, 500.0, None],  # the least that is counted; an older version
+    }
+    found = measures.episode_measures(replace(planted, pauses=pl.DataFrame(rows)))
+    assert found["hidden_share"][0] == pytest.approx(3700 / (60 * 200 + 3700))
+
+
 @pytest.mark.parametrize("kind", ["parquet", "csv"])
 def test_an_absence_during_a_server_failure_does_not_count_as_the_persons(
     kind: str, planted: Export, planted_folder: Path, tmp_path: Path

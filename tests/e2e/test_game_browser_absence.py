@@ -1,9 +1,10 @@
 """A participant who leaves the page: the game hears of it in every phase, and does not begin with nobody there."""
 
 import pytest
+from msgspec import structs
 from playwright.sync_api import Browser, Page, expect
 
-from server.play.messages import Away, Countdown, Paused, PauseReason, Ready
+from server.play.messages import Away, Countdown, Ended, EndReason, Paused, PauseReason, Ready
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
 from tests.support.browser.game_page import opened, settled, start
 
@@ -100,3 +101,100 @@ def test_leaving_before_start_is_not_an_absence(chromium: Browser, server: FakeG
         settled(page, server)
         assert not server.of(Away)
         assert not server.of(Ready)
+
+
+def test_a_participant_whom_the_partner_waits_for_sees_it_on_the_tab_and_how_long(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    server.welcome = structs.replace(server.welcome, partner="human")  # type: ignore[arg-type]
+    with opened(chromium, server) as page:
+        page.wait_for_selector("#start:visible")
+        plain = page.title()
+        page.evaluate("Object.defineProperty(document, 'hidden', { configurable: true, value: true })")
+        server.send(Paused("lost", 20.0))
+        expect(page).to_have_title("Your partner is waiting for you!")
+        assert page.inner_text("#start-title").startswith("Round"), "the game has not begun"
+        assert page.inner_text("#start-left") == "Please start within 20 seconds."
+        page.evaluate("delete document.hidden")
+        expect(page).to_have_title(plain)
+
+
+def test_no_start_dialog_appears_if_both_players_were_ready_at_the_same_time(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    server.page |= {"ready_page": True}
+    server.welcome = structs.replace(server.welcome, partner="human")  # type: ignore[arg-type]
+    with opened(chromium, server) as page:
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        server.send(Paused("lost", 20.0))
+        page.wait_for_selector("[data-phase=paused]")
+        assert page.get_attribute(".game", "data-view") == "none"
+        server.send(Countdown(0), tick(kitchen(t=1)))
+        page.wait_for_selector("[data-phase=playing]")
+
+
+@pytest.mark.parametrize(("t", "words"), [(0, "The game starts in 3 seconds."), (5, "Resuming in 3 seconds.")])
+def test_a_screen_reader_hears_if_a_game_begins_or_continues(
+    chromium: Browser, server: FakeGameServer, t: int, words: str
+) -> None:
+    server.welcome = structs.replace(server.welcome, state=kitchen(t=t))  # type: ignore[arg-type]
+    with opened(chromium, server) as page:
+        page.click("#start-button")
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        server.send(Countdown(3))
+        expect(page.locator("#urgent")).to_have_text(words)
+
+
+def test_a_participant_who_expects_a_partner_is_told_of_the_agent_before_the_round(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    server.page |= {"ready_page": True, "expects_partner": True}
+    with opened(chromium, server) as page:
+        page.wait_for_selector("#start:visible")
+        assert page.inner_text("#start-title") == "An AI chef steps in"
+        assert server.of(Ready) == []
+        page.click("#start-button")
+        server.wait_for(lambda server: bool(server.of(Ready)))
+
+
+def test_a_page_names_the_kitchen_in_its_own_language(chromium: Browser, server: FakeGameServer) -> None:
+    server.page |= {"language": "zh", "title": "协作环"}
+    with opened(chromium, server) as page:
+        expect(page.locator("#title")).to_have_text("协作环")
+        assert page.inner_text("#start-title").endswith("协作环")
+
+
+def test_no_time_is_shown_when_it_is_over(chromium: Browser, server: FakeGameServer) -> None:
+    server.page |= {"away_s": 1}
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.refusing = True
+        server.cut()
+        page.wait_for_selector("#banner:visible")
+        expect(page.locator("#banner-left")).to_have_text(
+            "Please wait; the round ends if this takes longer than 1 second."
+        )
+        expect(page.locator("#banner-left")).to_have_text("")
+
+
+@pytest.mark.parametrize(
+    ("kind", "partner", "reason", "words"),
+    [
+        ("episode", "human", "away", "One player was away too long, so you two will not play together any more."),
+        ("episode", "human", "withdrawn", "Your partner has left the study, so this round ends here."),
+        ("episode", "human", "researcher", "It was stopped early."),
+        ("episode", "agent", "away", "You were away too long, so the round was stopped."),
+        ("episode", "agent", "error", "It was stopped early."),
+        ("tutorial", "agent", "away", "You were away too long, so the practice starts again."),
+    ],
+)
+def test_a_participant_reads_why_a_game_ended_before_its_time(
+    chromium: Browser, server: FakeGameServer, kind: str, partner: str, reason: EndReason, words: str
+) -> None:
+    server.welcome = structs.replace(server.welcome, kind=kind, partner=partner)  # type: ignore[arg-type]
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Ended(0, 0, 0.0, False, "/blank", reason))
+        page.wait_for_selector("#over:visible")
+        assert page.inner_text("#over-text").startswith(words)
+        assert not page.inner_text("#over-next").startswith("over.")

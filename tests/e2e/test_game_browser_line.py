@@ -217,6 +217,7 @@ def test_every_pause_shows_its_reason(chromium: Browser, server: FakeGameServer,
         ("partner", 1.0, "The round ends if your partner is not back within 1 second."),
         ("partner", 30.0, "The round ends if your partner is not back within 30 seconds."),
         ("blur", 30.0, "Please resume within 30 seconds."),
+        ("blur", 0.1, "Please resume within 1 second."),
     ],
 )
 def test_a_pause_shows_what_happens_if_it_lasts_too_long(

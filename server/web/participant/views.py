@@ -188,7 +188,11 @@ async def _game(page: PageResponse, participant: Participant, step: StudyStep, _
     }
     skip = step.key if step.kind == "tutorial" and study.tutorial.skippable else None
     rounds = await _earlier_rounds(page, participant) if step.kind == "episode" else []
-    return {"game": game | {"ready_page": step.kind == "episode", "skip": skip, "rounds": rounds}}
+    # A round of two has one specification, in the language of one of them: each page names the kitchen in its own.
+    title = study.layout(step.layout).title.of(page.language) if step.kind == "episode" else ""
+    expects = await page.web.database.read(pairing.expects_partner, page.web.studies, participant, step)
+    game |= {"skip": skip, "rounds": rounds, "title": title, "expects_partner": expects}
+    return {"game": game | {"ready_page": step.kind == "episode"}}
 
 
 async def _earlier_rounds(page: PageResponse, participant: Participant) -> list[dict[str, int | None]]:

@@ -92,7 +92,9 @@ export class Announcer {
     if (name === 'pause' || name === 'banner') {
       this.sayNow(`${this.text(`${name}.${reason}.title`)}. ${this.text(`${name}.${reason}.text`)}`);
     }
-    if (name === 'count') this.sayNow(this.text('say.count', { seconds: seconds ?? 0 }));
+    if (name === 'count') {
+      this.sayNow(this.text(reason === 'begin' ? 'say.begin' : 'say.count', { seconds: seconds ?? 0 }));
+    }
     if (name === 'over' && ended) this.sayNow(this.text('say.over', { score: ended.score, soups: ended.soups }));
   }
 }

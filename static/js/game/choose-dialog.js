@@ -46,7 +46,7 @@ function gameDialog(state, now) {
   if (!isStarted(state)) return dialog('none');
   if (state.phase === 'ready') {
     if (state.starting) return dialog('none');
-    return dialog('start', state.game.resumed ? 'resumed' : state.alone ? 'alone' : state.game.kind, null, true);
+    return dialog('start', startReason(state, state.game), null, true);
   }
   if (state.phase === 'countdown') return countdownDialog(state, now);
   const silenceMs = Math.max(1200, SILENT_TICKS * state.game.tick_ms);
@@ -69,14 +69,22 @@ function countdownDialog({ countdown, current }, now) {
  * @param {number} now
  * @returns {Dialog}
  */
-function pauseDialog({ pause }, now) {
+function pauseDialog(state, now) {
+  const { pause, game } = state;
   if (!pause) return dialog('none');
   const { reason, leftS, sinceMs, fresh } = pause;
   const left = leftS > 0 ? Math.max(0, Math.ceil(leftS - (now - sinceMs) / 1000)) : null;
   if (reason === 'database') return dialog('banner', 'database', left);
-  if (fresh && reason !== 'other_tab' && OWN_REASONS.has(reason)) return dialog('start', 'resumed', left, true);
+  // Sent before the server heard that the participant is ready.
+  if (fresh && state.starting && reason === 'lost') return dialog('none');
+  if (fresh && reason !== 'other_tab' && OWN_REASONS.has(reason)) {
+    return dialog('start', game ? startReason(state, game) : 'resumed', left, true);
+  }
   return dialog('pause', reason, left, OWN_REASONS.has(reason));
 }
+
+/** @type {(state: State, game: Wire.Welcome) => string} */
+const startReason = ({ alone }, { resumed, kind }) => (resumed ? 'resumed' : alone ? 'alone' : kind);
 
 /**
  * @param {State} state

@@ -160,7 +160,7 @@ export class Dialogs {
     if (dialog.name === 'count') this.#countdown(dialog.seconds ?? 0);
     const place = SECONDS[dialog.name];
     if (!place) return;
-    const words = dialog.seconds === null ? '' : this.#timeLeft(dialog.seconds, dialog);
+    const words = dialog.seconds ? this.#timeLeft(dialog.seconds, dialog) : ''; // when it is over, none are left
     const element = this.#find(place);
     if (element.textContent !== words) element.textContent = words;
   }
@@ -172,6 +172,7 @@ export class Dialogs {
    */
   #timeLeft(seconds, { name, reason }) {
     const time = seconds === 1 ? this.text('one_second') : this.text('some_seconds', { seconds });
+    if (name === 'start' && reason !== 'resumed') return this.text('left.start', { time });
     return this.text(`left.${name === 'banner' ? 'lost' : (OTHERS[reason] ?? 'own')}`, { time });
   }
 
@@ -192,14 +193,17 @@ export class Dialogs {
 }
 
 /**
+ * Return which texts tell how a game ended.
  * @param {Wire.Ended} ended
  * @param {Wire.Welcome | null} game
  */
-function endKind(ended, game) {
+function endKind({ passed, reason }, game) {
+  const forTwo = game?.partner === 'human';
   if (game?.kind === 'watch') return 'watched';
-  if (game?.kind === 'tutorial') return ended.passed ? 'passed' : 'again';
-  if (ended.passed) return 'episode';
-  return game?.partner === 'human' ? 'parted' : 'stopped';
+  if (game?.kind === 'tutorial') return passed ? 'passed' : reason === 'away' ? 'paused' : 'again';
+  if (passed) return 'episode';
+  if (reason === 'away') return forTwo ? 'parted' : 'away';
+  return forTwo && reason === 'withdrawn' ? 'left' : 'stopped';
 }
 
 /**

@@ -22,6 +22,17 @@ export class Hud {
     /** @type {Wire.Welcome | null} */
     this.game = null;
     this.timeShown = false;
+    this.tabTitle = '';
+  }
+
+  /**
+   * Show on the tab that somebody waits there for the participant, who looks at another tab.
+   * @param {boolean} isAwaited
+   */
+  call(isAwaited) {
+    if (!this.tabTitle) return;
+    const title = isAwaited ? this.text('partner_waits') : this.tabTitle;
+    if (document.title !== title) document.title = title;
   }
 
   /**
@@ -54,7 +65,8 @@ export class Hud {
     this.#write('#title', title);
     this.#write('#round', `${this.text(`${kind}_note`, numbers)}${this.#view(game)}`);
     this.#write('#partner', this.text(game.partner === 'human' ? 'partner_human' : 'partner'));
-    document.title = practice ? title : `${title} · ${this.text('round_note', numbers)}`;
+    this.tabTitle = practice ? title : `${title} · ${this.text('round_note', numbers)}`;
+    document.title = this.tabTitle;
     this.#find('.stat.time').hidden = game.endless;
     this.#find('#legend-predictions').hidden = !game.shows_predictions;
     this.#find('#legend-pots').hidden = game.shows_predictions;

@@ -234,9 +234,12 @@ def test_a_participant_whose_partner_leaves_is_told_and_continues_with_an_agent(
 
 
 def test_the_wait_for_a_participant_who_does_not_press_start_is_limited(server: OwnServer) -> None:
-    async def play(one: PairedPerson, _: PairedPerson) -> None:
+    async def play(one: PairedPerson, two: PairedPerson) -> None:
         await one.say(messages.Ready())
         assert (await one.hear(messages.Paused)).reason == "partner"
+        told = await two.hear(messages.Paused)
+        assert told.reason == "lost"
+        assert 0 < told.left_s <= 12, "who is awaited sees how long"
         assert not (await one.hear(messages.Ended)).passed
 
     kept = stored(server, asyncio.run(together(server, play)))

@@ -118,6 +118,21 @@ async def test_all_later_rounds_are_played_alone_because_the_partner_left(make: 
     assert pair.noted(events.PARTNER_WITHDREW) == [{"step": "episode-01"}]
 
 
+async def test_an_agent_in_the_partners_place_is_news_in_the_first_round_with_it(make: MakePair) -> None:
+    pair = await make()
+    await pair.play(1)
+    pair.database.write_now(withdraw, pair.leaves)
+    for number in (2, 3):
+        pair.walk_to(pair.stays, f"episode-{number:02d}")
+        game = await pair.seating.find(pair.tokens[0], "pairs")
+        here = pair.now(pair.stays)
+        expects = pair.database.read_now(pairing.expects_partner, pair.studies, here, pair.studies.step(here))
+        assert expects == (number == 2)
+        await pair.database.write(
+            episodes.end, EpisodeResult(game.episode, "done", "horizon", 60, 3, 9.0, True, "0" * 16)
+        )
+
+
 async def test_who_is_past_the_shared_rounds_also_continues_alone(make: MakePair) -> None:
     pair = await make()
     await pair.play(1)
@@ -138,6 +153,23 @@ async def test_who_waits_for_a_partner_who_withdraws_does_not_count_as_never_pai
     assert [one["why"] for one in pair.noted("alone")] == ["partner_left"]
 
 
+@pytest.mark.parametrize("how", ["withdrawn", "screened_out", "timed_out"])
+async def test_who_waits_is_found_to_have_lost_a_partner_who_leaves_the_study(make: MakePair, how: str) -> None:
+    pair = await make()
+    await pair.play(1)
+    pair.walk_to(pair.stays, "episode-02")
+    pair.open_page()
+    game = await pair.seating.find(pair.tokens[0], "pairs")
+    assert game.request.partner == pair.leaves
+    assert not await pair.seating.has_lost_partner(pair.stays)
+    if how == "withdrawn":
+        pair.database.write_now(withdraw, pair.leaves)
+    else:
+        pair.database.write_now(participants.leave, pair.leaves, how)
+    assert await pair.seating.has_lost_partner(pair.stays)
+    assert not await pair.seating.has_lost_partner(pair.leaves), "who has left waits for nobody"
+
+
 async def test_a_game_that_ended_by_a_withdrawal_leaves_nobody_to_wait_for(make: MakePair) -> None:
     """Between the end of the game and the deletion, the partner is still there."""
     pair = await make()
@@ -146,6 +178,30 @@ async def test_a_game_that_ended_by_a_withdrawal_leaves_nobody_to_wait_for(make:
     step = pair.studies.step(pair.now(pair.stays))
     found = pair.database.read_now(pairing.company, pair.studies, pair.now(pair.stays), step)
     assert found == pairing.Company(alone="partner_left")
+
+
+@pytest.mark.parametrize("end", ["away", "withdrawn"])
+async def test_no_round_is_announced_that_a_study_without_a_fallback_agent_does_not_have(
+    make: MakePair, end: str
+) -> None:
+    pair = await make(STUDY.replace("fallback: agent", "fallback: leave"))
+    await pair.play(1, end)
+    if end == "withdrawn":
+        pair.database.write_now(withdraw, pair.leaves)
+    pair.open_page()
+    stays = pair.now(pair.stays)
+    assert (stays.status, pair.step()) == ("returned", "ready-02")
+    assert stays.completion_code, "and is paid"
+    assert pair.noted("alone") == [{"step": "episode-02", "why": "partner_left"}]
+    pair.open_page()
+    assert pair.now(pair.stays) == stays
+
+
+async def test_who_still_has_a_partner_gets_the_page_before_the_next_round(make: MakePair) -> None:
+    pair = await make(STUDY.replace("fallback: agent", "fallback: leave"))
+    await pair.play(1)
+    pair.open_page()
+    assert (pair.now(pair.stays).status, pair.step()) == ("active", "ready-02")
 
 
 async def test_after_the_only_round_the_study_continues_to_its_end(make: MakePair) -> None:

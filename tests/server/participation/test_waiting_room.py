@@ -37,6 +37,7 @@ class Seats:
     def __init__(self) -> None:
         self.pairs: list[tuple[str, str]] = []
         self.alone: list[str] = []
+        self.without_partner: set[str] = set()  # whose partner has left
         self.before: list[Callable[[], None]] = []
 
     async def two(self, first: str, second: str) -> bool:
@@ -47,6 +48,10 @@ class Seats:
     async def one(self, participant: str) -> None:
         await self._meanwhile()
         self.alone.append(participant)
+
+    async def has_lost_partner(self, participant: str) -> bool:
+        await self._meanwhile()
+        return participant in self.without_partner
 
     async def _meanwhile(self) -> None:
         await asyncio.sleep(0)
@@ -61,7 +66,7 @@ def seats() -> Seats:
 
 @pytest.fixture
 def room(seats: Seats) -> WaitingRoom:
-    return WaitingRoom(Clock(), seats.two, seats.one)
+    return WaitingRoom(Clock(), seats.two, seats.one, seats.has_lost_partner)
 
 
 def request(limit_s: float = 600.0) -> PairingRequest:
@@ -138,3 +143,46 @@ async def test_a_participant_who_left_the_waiting_room_early_is_not_seated_alone
     await until(lambda: first.closed is not None and len(room) == 0)
     await asyncio.sleep(0)
     assert seats.alone == ["ann"]
+
+
+def wait_for(room: WaitingRoom, person: str, partner: str) -> WaitingTab:
+    tab = WaitingTab()
+    room.enter(person, PairingRequest(ROOM, datetime.now(UTC), 600.0, partner), tab)
+    return tab
+
+
+async def test_a_participant_whose_partner_has_left_the_study_does_not_wait_any_longer(
+    room: WaitingRoom, seats: Seats
+) -> None:
+    seats.without_partner.add("ann")
+    ann, bob = wait_for(room, "ann", "gone"), wait_for(room, "bob", "late")
+    await until(lambda: ann.closed is not None)
+    assert ann.closed == CloseCode.GAME_READY
+    assert seats.alone == ["ann"]
+    await until(lambda: bool(bob.told))
+    assert bob.closed is None, "the partner may still come"
+
+
+@pytest.mark.parametrize("error", [DatabaseDown("away"), RuntimeError("a fault")])
+async def test_a_question_that_the_database_does_not_answer_changes_nothing(
+    room: WaitingRoom, seats: Seats, error: Exception
+) -> None:
+    def fail() -> None:
+        raise error
+
+    seats.before.append(fail)
+    ann = wait_for(room, "ann", "late")
+    await until(lambda: bool(ann.told))
+    assert (ann.closed, seats.alone) == (None, [])
+
+
+async def test_a_participant_who_leaves_while_the_partner_is_looked_for_is_not_seated_alone(
+    room: WaitingRoom, seats: Seats
+) -> None:
+    seats.without_partner.add("ann")
+    tab = WaitingTab()
+    seats.before.append(lambda: room.leave("ann", tab))
+    room.enter("ann", PairingRequest(ROOM, datetime.now(UTC), 600.0, "gone"), tab)
+    await until(lambda: len(room) == 0)
+    await asyncio.sleep(0)
+    assert seats.alone == []

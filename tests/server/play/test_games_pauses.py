@@ -83,6 +83,30 @@ async def test_an_absence_while_the_researcher_pauses_a_game_does_not_end_it(run
     assert running.recorder.results["e1"].reason == "away"
 
 
+async def test_what_is_stored_of_a_pause_is_how_much_of_it_was_absence(running: RunningGames) -> None:
+    """An absence that becomes the researcher's pause, and a researcher's pause that becomes an absence."""
+    connection, game = await running.under_way()
+    game.receive(0, connection, m.Away("hidden"))
+    await asyncio.sleep(4.0 / SPEED)
+    game.pause(RESEARCHER, "researcher")
+    await asyncio.sleep(40.0 / SPEED)
+    game.receive(0, connection, m.Ready())
+    game.release(RESEARCHER)
+    await until(lambda: game.session.phase == "running")
+    game.pause(RESEARCHER, "researcher")
+    game.receive(0, connection, m.Away("blur"))
+    game.release(RESEARCHER)
+    await asyncio.sleep(2.0 / SPEED)
+    await running.games.stop()
+    first, second = running.recorder.pauses.values()
+    assert (first.reason, second.reason) == ("hidden", "researcher")
+    assert first.duration_ms is not None
+    assert first.away_ms is not None
+    assert second.away_ms is not None
+    assert 4000 <= first.away_ms < first.duration_ms - 30_000
+    assert 2000 <= second.away_ms < 30_000
+
+
 async def test_a_game_that_a_researcher_pauses_is_not_unloaded(
     running: RunningGames, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -35,6 +35,25 @@ def test_time_in_which_nobody_could_return_does_not_count_as_an_absence(holder: 
     assert reasons.left_s(30_000.0) == pytest.approx(60.0 - 5.0 - 28.0)
 
 
+def test_time_used_up_by_absences_is_known_while_one_lasts() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 1500.0)
+    assert reasons.away_ms(0.0) == 1500.0
+    reasons.hold(0, "hidden", 0.0)
+    reasons.hold(1, "server", 0.0)
+    assert reasons.away_ms(4.0) == 5500.0
+    reasons.hold("researcher", "researcher", 5.0)
+    assert reasons.away_ms(1000.0) == 6500.0
+    reasons.release(0, 2000.0)
+    assert reasons.away_ms(3000.0) == 6500.0
+
+
+def test_only_absences_of_people_count_as_being_away() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons.hold(0, "not_started", 0.0)
+    reasons.hold(1, "lost", 0.0)
+    assert [reasons.is_away(person) for person in (0, 1, 2)] == [False, True, False]
+
+
 def test_absences_count_again_when_neither_the_researcher_nor_the_database_pauses_the_game() -> None:
     reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
     reasons.hold("researcher", "researcher", 0.0)

@@ -75,6 +75,25 @@ def test_places_of_dropouts_are_filled_until_90_have_finished_while_15_play_at_o
     assert simulation.completed() == [30, 30, 30]
 
 
+def test_where_somebody_waits_for_a_partner_the_next_participant_comes_first(three_arms: Study) -> None:
+    held: Counter[str] = Counter()
+    met: Counter[str] = Counter()
+    arms = []
+    for number in range(60):
+        waiting = {name: count - met[name] for name, count in held.items()}
+        name = next_condition(three_arms, {arm: Count(active=count) for arm, count in held.items()}, number, waiting)
+        held[name] += 1
+        met[name] = held[name] // 2 * 2
+        arms.append(name)
+    assert arms[::2] == arms[1::2], "each second person is the partner of the one before"
+    assert set(held.values()) == {20}
+
+
+def test_a_full_condition_gets_nobody_even_if_somebody_waits_there() -> None:
+    study = parse_study(SMALL_STUDY.replace("predictor: tom}", "predictor: tom, quota: 1}")).study
+    assert next_condition(study, {"with": Count(active=1)}, 1, {"with": 1}) == "without"
+
+
 def test_held_places_never_differ_by_more_than_one_before_anybody_leaves(three_arms: Study) -> None:
     simulation = AssignmentSimulation(three_arms, 1, dropout=0, at_once=90)
     for _ in range(90):
