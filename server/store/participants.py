@@ -265,15 +265,15 @@ def set_language(connection: Connection, participant_id: str, language: str) -> 
     connection.execute(update(participants).where(participants.c.id == participant_id).values(language=language))
 
 
-def counts(connection: Connection, study_id: int, simulated: bool = False) -> Counts:
-    """Return how many people (or bots) of each status each condition has, e.g. {"tom": {"active": 2, "withdrawn":
-    1}}."""
+def counts(connection: Connection, study_ids: Sequence[int], simulated: bool = False) -> Counts:
+    """Return how many people (or bots) of each status each condition of these study versions has, e.g. {"tom":
+    {"active": 2, "withdrawn": 1}}."""
     query = select(participants.c.condition, participants.c.status, func.count())
-    query = query.where(participants.c.study_id == study_id, participants.c.simulated == simulated)
+    query = query.where(participants.c.study_id.in_(study_ids), participants.c.simulated == simulated)
     found: Counts = {}
     for condition, status, count in connection.execute(query.group_by(participants.c.condition, participants.c.status)):
         found.setdefault(condition, {})[status] = count
-    gone = select(withdrawals.c.condition, func.count()).where(withdrawals.c.study_id == study_id)
+    gone = select(withdrawals.c.condition, func.count()).where(withdrawals.c.study_id.in_(study_ids))
     gone = gone.where(func.coalesce(withdrawals.c.simulated, false()) == simulated)
     for condition, count in connection.execute(gone.group_by(withdrawals.c.condition)):
         found.setdefault(condition, {})["withdrawn"] = count

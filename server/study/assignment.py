@@ -27,13 +27,18 @@ class StudyFullError(Exception):
     """Every condition has reached its quota."""
 
 
-def next_condition(study: Study, counts: Mapping[str, Count], number: int) -> str:
+def next_condition(
+    study: Study, counts: Mapping[str, Count], number: int, of_all_versions: Mapping[str, Count] | None = None
+) -> str:
     """Return the condition of the participant who is the `number`-th (from 0) to consent.
 
     Of the conditions below their quota, the one whose held places are fewest for its weight; equal ones are drawn by
-    the study's seed and `number`. So places that dropouts leave are filled first. Raises StudyFullError.
+    the study's seed and `number`. So places that dropouts leave are filled first. `counts`: the places of this version,
+    within which conditions take turns: one that a new version adds does not get everybody who comes next.
+    `of_all_versions`: those that a quota counts, if there are earlier versions. Raises StudyFullError.
     """
-    open_ones = [condition for condition in study.conditions if not _is_full(condition, counts)]
+    filled = counts if of_all_versions is None else of_all_versions
+    open_ones = [condition for condition in study.conditions if not _is_full(condition, filled)]
     if not open_ones:
         raise StudyFullError(study.name)
     # The share with one more participant: for weights 1 and 2 the places are taken 2, 1, 2, 2, 1, 2 ...
