@@ -11,6 +11,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, and_, exists, false, func, or_, select, update
 
+from server.store import studies as study_versions
 from server.store.studies import StudyVersion
 from server.store.tables import RECRUITMENT_ID, episodes, participants, personal, studies, withdrawals
 
@@ -72,7 +73,8 @@ def token_hash(token: str) -> str:
 
 
 def create(connection: Connection, new: NewParticipant) -> Participant:
-    """Return the participant, numbered in order of consent; the study version is frozen by the first one.
+    """Return the participant, numbered in order of consent through all versions of the study, so that researchers never
+    see two of one name; the study version is frozen by the first one.
 
     A person who is in the study already (same `recruitment_id`) gets the row that there is, with the new token.
     """
@@ -86,7 +88,7 @@ def create(connection: Connection, new: NewParticipant) -> Participant:
     row: dict[str, Any] = {
         "id": secrets.token_hex(8),
         "study_id": new.study_id,
-        "number": version.started,
+        "number": study_versions.started(connection, version.key),
         "allocation_number": version.enrolled(new.simulated),
         "condition": new.condition,
         "seed": new.seed,

@@ -59,5 +59,10 @@ def ids_of(connection: Connection, key: str) -> list[int]:
     return list(connection.execute(query).scalars())
 
 
+def started(connection: Connection, key: str) -> int:
+    """Return how many participants ever consented to any version of a study."""
+    return connection.execute(select(func.sum(studies.c.started)).where(studies.c.key == key)).scalar() or 0
+
+
 def _study(row: "Row[tuple[object, ...]]") -> StudyVersion:
     return StudyVersion(**row._mapping)

@@ -12,7 +12,7 @@ from server.participation.progress import ConsentArrival
 from server.participation.served_studies import Studies
 from server.store import decisions, participants
 from server.store.database import Database
-from server.store.participants import Participant
+from server.store.participants import Participant, label
 from server.store.tables import participants as people
 from server.store.tables import study_pauses
 from server.study.assignment import StudyFullError
@@ -107,6 +107,14 @@ def test_somebody_silent_in_an_earlier_version_keeps_the_place_while_the_new_quo
     assert not database.write_now(places.is_lost, studies, silent)
     open_version(database, studies, TWO_EACH + "\n")
     assert database.write_now(places.is_lost, studies, silent)
+
+
+def test_participants_of_all_versions_have_names_of_their_own(database: Database, studies: Studies) -> None:
+    everybody = [arrive(database, studies) for _ in range(2)]
+    open_version(database, studies, TWO_EACH + "\n")
+    everybody += [arrive(database, studies) for _ in range(2)]
+    assert [label(one.number) for one in everybody] == ["P-001", "P-002", "P-003", "P-004"]
+    assert [one.allocation_number for one in everybody] == [1, 2, 1, 2], "order and seeds are those of the version"
 
 
 def test_nobody_loses_the_place_because_a_researcher_paused_the_study(database: Database, studies: Studies) -> None:
