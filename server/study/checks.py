@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Condition, Study
-from server.study.locale import languages
+from server.study.locale import languages, refusal
 from server.study.mends import Mend, keep_only, leave_out, write
 from server.study.published_scales import scale_languages
 from server.study.questionnaire import (
@@ -106,15 +106,7 @@ def _names(study: Study) -> Iterator[Problem]:
         for index, name in enumerate(names):
             if name in names[:index]:
                 yield Problem((block, index, "name"), f"{name!r} is there twice", "Give each its own name.")
-    for language in study.languages:
-        if language not in languages():
-            reason = f"the platform itself has no words in {language!r}: its buttons will be English"
-            made = f"`kitchenmind study words {language}` makes locales/{language}.yaml next to the study"
-            remedy = (
-                f"{made}, which you translate. For a draft in the dashboard, append the server's data folder to the "
-                "command."
-            )
-            yield Problem(("languages",), reason, remedy, warning=True)
+    yield from _unknown_languages(study.languages)
     if len(set(study.languages)) < len(study.languages):
         yield Problem(("languages",), "a language is there twice", "Name each once.")
     for key in study.questionnaires:
@@ -123,6 +115,21 @@ def _names(study: Study) -> Iterator[Problem]:
     for key in study.pages:
         if key in FIXED_PAGES:
             yield Problem(("pages", key), f"{key!r} is a built-in page", "Give the page another key.")
+
+
+def _unknown_languages(wanted: tuple[str, ...]) -> Iterator[Problem]:
+    for language in wanted:
+        if reason := refusal(language):
+            words = f"the file of the platform's words in {language!r} cannot be used: {reason.rstrip('.')}"
+            yield Problem(("languages",), words, "Until you correct it, the words stay as they were.", warning=True)
+        elif language not in languages():
+            reason = f"the platform itself has no words in {language!r}: its buttons will be English"
+            made = f"`kitchenmind study words {language}` makes locales/{language}.yaml next to the study"
+            remedy = (
+                f"{made}, which you translate. For a draft in the dashboard, append the server's data folder to the "
+                "command."
+            )
+            yield Problem(("languages",), reason, remedy, warning=True)
 
 
 def _flow(study: Study) -> Iterator[Problem]:
