@@ -33,8 +33,8 @@ class LanguageFolder:
                 log.exception("the languages in %s could not be read", self._folder)
 
     def refresh(self) -> None:
-        """Use new and changed files. The log and the check of a study say why one cannot be used; the language keeps the
-        words that it had, so that no page of a participant breaks."""
+        """Use new and changed files. The log and the check of a study say why one cannot be used; the language keeps
+        the words that it had, so that no page of a participant breaks."""
         found = dict(self._found())
         for path in [path for path, stamp in found.items() if self._stamps.get(path) != stamp]:
             try:

@@ -38,7 +38,7 @@ def open_version(database: Database, studies: Studies, text: str) -> None:
 
 
 def away(database: Database, minutes: float, *who: Participant) -> None:
-    """They sent their first page, and were last seen so long ago."""
+    """They sent their first page, and were last seen these minutes ago."""
     at = datetime.now(UTC) - timedelta(minutes=minutes)
     query = people.update().where(people.c.id.in_([one.id for one in who]))
     database.write_now(lambda connection: connection.execute(query.values(last_seen_at=at, position=1)))
