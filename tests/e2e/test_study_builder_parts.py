@@ -274,25 +274,3 @@ def test_models_that_were_trained_here_are_chosen_by_name(new_page: NewPage, ser
     expect(choice.first).to_have_attribute("aria-pressed", "true")
     expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     is_accessible(page)
-
-
-def test_kitchens_are_taken_out_of_the_published_study_without_correcting_anything_by_hand(
-    new_page: NewPage, server: LiveServer
-) -> None:
-    page = new_page()
-    draft = begin(page, "fewer", "external_predictor")
-    page.locator("#form > details > summary", has_text="Kitchens and order").click()
-    for number in (5, 4, 3, 2):
-        page.get_by_role("button", name=f"Remove Layouts {number}").click()
-        expect(page.get_by_role("button", name=f"Remove Layouts {number}")).to_have_count(0)
-    page.get_by_role("button", name="Remove Agents 2").click()
-    page.locator("#problems").get_by_role("button", name="Use latin_square", exact=True).click()
-    expect(at(page, "order", "rule").locator(".mend")).to_be_hidden()
-    expect(at(page, "breaks", "after").locator(".mend")).to_have_text("Leave these breaks out")
-    page.locator("#problems").get_by_role("button", name="Leave these breaks out").first.click()
-    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened.")
-    expect(page.locator("#save-state")).to_have_text("Saved")
-    study = parse_study(stored(server, draft)).study
-    assert (study.order.rule, study.breaks.after) == ("latin_square", ())
-    assert "# Between subjects: each participant" in stored(server, draft), "comments stay"
-    is_accessible(page)
