@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Condition, Study
 from server.study.locale import languages, refusal
-from server.study.mends import Mend, keep_only, leave_out, write
+from server.study.mends import Mend, insert, keep_only, leave_out, write
 from server.study.published_scales import scale_languages
 from server.study.questionnaire import (
     ChoiceQuestion,
@@ -152,7 +152,8 @@ def _flow(study: Study) -> Iterator[Problem]:
     for block, keys in (("pages", study.pages), ("questionnaires", study.questionnaires)):
         for key in keys:
             if key not in study.flow and key != study.after_episode:
-                yield Problem((block, key), f"nobody reaches {key!r}", "Add it to `flow`, or remove it.")
+                mend = insert(f"Put {key} before the last page", ("flow",), len(study.flow) - 1, key)
+                yield Problem((block, key), f"nobody reaches {key!r}", "Add it to `flow`, or remove it.", mend=mend)
     if study.after_episode and study.after_episode not in study.questionnaires:
         yield Problem(
             ("after_episode",), f"there is no questionnaire {study.after_episode!r}", "Name one of `questionnaires`."

@@ -25,6 +25,11 @@ def leave_out(label: str, path: _Path) -> Mend:
     return Mend(label, {"do": "remove", "path": list(path)})
 
 
+def insert(label: str, path: _Path, index: int, value: Any) -> Mend:
+    """Put an item into a list, before the item `index`."""
+    return Mend(label, {"do": "insert", "path": list(path), "index": index, "value": value})
+
+
 def keep_only(label: str, path: _Path, kept: Sequence[Any]) -> Mend:
     """Leave those items of a list that are valid, or remove the list if none is."""
     return write(label, path, list(kept)) if kept else leave_out(label, path)

@@ -1,10 +1,12 @@
 """Buttons of the study builder that solve a problem, on a desktop and on a phone."""
 
+import re
+
 from playwright.sync_api import Page, expect
 
 from server.study.loader import parse_study
 from tests.support.browser.game_page import DESKTOP
-from tests.support.browser.study_builder import NewPage, at, begin, is_accessible, stored
+from tests.support.browser.study_builder import NewPage, at, begin, is_accessible, stored, yaml_of
 from tests.support.browser.study_builder import new_page as new_page
 from tests.support.browser.study_builder import password as password
 from tests.support.browser.study_builder import server as server
@@ -33,6 +35,24 @@ def test_kitchens_are_taken_out_of_the_published_study_without_correcting_anythi
     assert (study.order.rule, study.breaks.after) == ("latin_square", ())
     assert "# Between subjects: each participant" in stored(server, draft), "comments stay"
     is_accessible(page)
+
+
+def test_a_new_questionnaire_needs_only_its_texts_and_one_click_to_be_asked(new_page: NewPage) -> None:
+    page = new_page()
+    begin(page, "asking")
+    page.locator("#form > details > summary", has_text="Questionnaires").click()
+    add = at(page, "questionnaires").locator(":scope > .add")
+    add.get_by_role("textbox").fill("about_you")
+    add.get_by_role("button").click()
+    texts = at(page, "questionnaires", "about_you").locator(".missing [data-control]")
+    expect(texts).not_to_have_count(0)
+    expect(page.locator("#problems")).not_to_contain_text("is not possible here")
+    page.evaluate("for (const one of document.querySelectorAll('#form details')) one.open = true")
+    for control in texts.evaluate_all("all => all.map(one => one.dataset.control)"):
+        page.locator(f"[data-control='{control}']").fill("Words")
+    page.locator("#problems").get_by_role("button", name="Put about_you before the last page").click()
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened.")
+    expect(yaml_of(page)).to_have_value(re.compile("episodes, about_you, thanks"))
 
 
 def lists_fit_a_phone(page: Page) -> None:

@@ -37,6 +37,7 @@ def wrong(text: str) -> list[PlacedProblem]:
         (TWICE, ["Take nowhere out of the flow", "Take debriefing out of the flow"]),
         (PRIMARY, ["Leave gone out", "Leave gone out"]),
         (HUMAN, ["Use fixed"]),
+        (PAPER.replace("flow: [about_you, ", "flow: ["), ["Put about_you before the last page"]),
     ],
 )
 def test_one_click_solves_each_problem(text: str, labels: list[str]) -> None:
