@@ -35,6 +35,11 @@ def recruitment_problems(study: Study) -> Iterator[Problem]:
         reason = "people who are screened out get no code, and cannot end their submission at Prolific"
         remedy = "Add `code:` as shown by Prolific."
         yield Problem(("recruitment", "screened_out"), reason, remedy, warning=True)
+    may_wait_in_vain = any(agent.human for agent in study.agents) and study.waiting_room.fallback == "leave"
+    if recruitment.source == "prolific" and not recruitment.unpaired.code and may_wait_in_vain:
+        reason = "people whose partner does not arrive get a code that Prolific does not know"
+        remedy = "Add `code:` as shown by Prolific."
+        yield Problem(("recruitment", "unpaired"), reason, remedy, warning=True)
 
 
 def _screens_out(study: Study) -> bool:

@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from server.settings import ROOT
 from server.study.drafting import changed, view
 from server.study.loader import parse_study
 from tests.support.study_text import SMALL_STUDY
@@ -38,3 +39,18 @@ def test_people_whom_prolific_pays_need_a_code_where_attention_checks_or_the_qui
     assert [one.path for one in in_quiz] == [("recruitment",)]
     assert not warnings(f"{PAID}, screened_out: {{code: C2SCREEN}}}}", screens)
     assert not warnings("{source: sona, required: true}", screens)
+
+
+def test_people_who_wait_in_vain_for_a_partner_need_a_code_that_prolific_knows() -> None:
+    pairs = (ROOT / "studies" / "two_people.yaml").read_text(encoding="utf-8")
+    pairs = re.sub(r"(?m)^(waiting_room|recruitment):.*\n(  .*\n)*", "", pairs)
+    leaves, stays = "waiting_room: {fallback: leave}", "waiting_room: {fallback: agent}"
+
+    def doubts(recruitment: str, waiting_room: str) -> list[str]:
+        text = f"{pairs}\nrecruitment: {recruitment}\n{waiting_room}\n"
+        return [one.text for one in parse_study(text).doubts if "partner" in one.text]
+
+    (words,) = doubts(f"{PAID}}}", leaves)
+    assert "a code that Prolific does not know" in words
+    assert not doubts(f"{PAID}}}", stays)
+    assert not doubts(f"{PAID}, unpaired: {{code: C4ALONE}}}}", leaves)
