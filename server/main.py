@@ -31,6 +31,7 @@ from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
 from server.monitoring.report_making import StudyReports
 from server.participation.kitchen_files import write_kitchens
+from server.participation.language_folder import LanguageFolder
 from server.participation.preview_models import PreviewModels
 from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
@@ -179,11 +180,12 @@ async def _services(
         rehearsals=Rehearsals(stack, settings.data),
         reports=StudyReports(web.database, settings.database, stack),
     )
-    _run(stack, alerts, services.latency_history, versions, *([] if hook is None else [hook]))
+    languages = LanguageFolder(settings.data)
+    _run(stack, alerts, services.latency_history, versions, languages, *([] if hook is None else [hook]))
     return services
 
 
-def _run(stack: AsyncExitStack, *works: "Alerts | LatencyHistory | StudyVersions | Webhook") -> None:
+def _run(stack: AsyncExitStack, *works: "Alerts | LanguageFolder | LatencyHistory | StudyVersions | Webhook") -> None:
     """Start what works in the background; `stack` stops it."""
     stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in works))
 

@@ -8,6 +8,8 @@ import os
 import re
 import secrets
 import shlex
+import shutil
+import sys
 from pathlib import Path
 from typing import Any, Literal, Self
 from urllib.parse import quote, urlsplit
@@ -235,6 +237,16 @@ def own_models_here(data: Path | None = None) -> Path:
     except ValueError:
         folder: Path = Settings.model_fields["data"].default
         return Path(os.environ.get("KITCHENMIND_DATA") or folder).absolute() / "models"
+
+
+def program() -> str:
+    """Return how `kitchenmind` is called from the folder of this process: by its name if it is on the PATH, else by its
+    path, as in a checkout whose environment is not activated."""
+    path = Path(sys.executable).with_name("kitchenmind")
+    found = shutil.which("kitchenmind")
+    if not path.is_file() or (found is not None and Path(found).samefile(path)):
+        return "kitchenmind"
+    return shlex.quote(str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path))
 
 
 def _plain(error: Any) -> str:

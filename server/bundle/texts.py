@@ -36,7 +36,7 @@ def allocation(study: Study, people: int) -> str:
     for number in range(people):
         try:
             counts = {name: Count(completed=count) for name, count in held.items()}
-            condition = next_condition(study, counts, number, held if for_two else None)
+            condition = next_condition(study, counts, number, unpaired=held if for_two else None)
         except StudyFullError:
             break
         held[condition] += 1

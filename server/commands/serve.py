@@ -6,8 +6,6 @@ import argparse
 import asyncio
 import faulthandler
 import gc
-import shlex
-import shutil
 import signal
 import socket
 import sys
@@ -246,22 +244,13 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
 
 
 def _announce(settings: "Settings", listening: socket.socket) -> None:
-    from server.settings import IS_CHECKOUT
+    from server.settings import IS_CHECKOUT, program
 
     if not IS_CHECKOUT:
         print(f"data are kept in {settings.data.absolute()}", flush=True)
     print(f"kitchenmind is at {_address(listening)}  (stop with Ctrl+C)", flush=True)
-    create = f"{_program()} admin create NAME --role own{settings.data_option}"
+    create = f"{program()} admin create NAME --role own{settings.data_option}"
     print(f"the dashboard is at /admin; `{create}` makes an account for it", flush=True)
-
-
-def _program() -> str:
-    """Return how this program is called from here: by its name if it is on the PATH, else by its path."""
-    program = Path(sys.executable).with_name("kitchenmind")
-    found = shutil.which("kitchenmind")
-    if not program.is_file() or (found is not None and Path(found).samefile(program)):
-        return "kitchenmind"
-    return shlex.quote(str(program.relative_to(Path.cwd()) if program.is_relative_to(Path.cwd()) else program))
 
 
 def _address(listening: socket.socket) -> str:

@@ -85,7 +85,7 @@ class Dashboard:
     ) -> dict[str, Any]:
         group = overview.group_to_show(connection, study_ids)
         held = stock(connection, group)
-        names = arm_names(study, blind)
+        names = arm_names(study, blind, held.conditions)
         took = overview.minutes(connection, group)
         rows = overview.people(connection, study_ids, tab)
         quality = self.quality.by_person()

@@ -48,6 +48,11 @@ class Stock:
     simulated: bool = False  # all of these are bots
     apart: Counts = field(default_factory=dict)  # bots in a study of people
 
+    @property
+    def conditions(self) -> set[str]:
+        """The conditions that anybody is or was in, in any version of the study."""
+        return {name for name, _, _ in (*self.counts, *self.apart)}
+
 
 def stock(connection: Connection, group: Group) -> Stock:
     """Read the data."""
@@ -64,31 +69,34 @@ def stock(connection: Connection, group: Group) -> Stock:
 
 
 def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) -> list[dict[str, Any]]:
-    """Return each condition with its plan; in blind mode in the order of the masked names."""
-    rows = []
-    for condition in study.conditions:
-        mine, bots = (
-            {key: count for key, count in counts.items() if key[0] == condition.name}
-            for counts in (held.counts, held.apart)
-        )
-        by_status = {status: _sum(mine, status) for status in ("completed", "active", *GONE)}
-        excluded = held.excluded.get(condition.name, 0)
-        rows.append(
-            {
-                "name": names[condition.name],
-                "kind": "" if blind else condition.predictor,
-                "allocated": sum(by_status.values()),
-                "completed": by_status["completed"],
-                "active": by_status["active"],
-                "dropped": sum(by_status[status] for status in GONE),
-                "lost": _gone(mine, {key: n for key, n in held.inattentive.items() if key[0] == condition.name}),
-                "excluded": excluded,
-                "analysable": by_status["completed"] - excluded,
-                "target": condition.quota,
-                "simulated": _sum(bots, "completed") + _sum(bots, "active"),
-            }
-        )
-    return sorted(rows, key=lambda row: str(row["name"])) if blind else rows
+    """Return each condition with its plan; in blind mode in the order of the masked names. Conditions that only earlier
+    versions had follow: nobody comes to them any more, but those who did still count."""
+    kinds = {condition.name: condition.predictor for condition in study.conditions}
+    targets = {condition.name: condition.quota for condition in study.conditions}
+    rows = [_arm(name, held) | {"kind": kinds[name], "target": targets[name], "former": False} for name in kinds]
+    for name in sorted(held.conditions - kinds.keys()):
+        arm = _arm(name, held)
+        target = None if None in targets.values() else arm["completed"] + arm["active"]
+        rows.append(arm | {"kind": "", "target": target, "former": True})
+    named = [row | {"name": names[row["name"]]} | ({"kind": ""} if blind else {}) for row in rows]
+    return sorted(named, key=lambda row: (row["former"], str(row["name"]))) if blind else named
+
+
+def _arm(name: str, held: Stock) -> dict[str, Any]:
+    mine, bots = ({key: n for key, n in counts.items() if key[0] == name} for counts in (held.counts, held.apart))
+    by_status = {status: _sum(mine, status) for status in ("completed", "active", *GONE)}
+    excluded = held.excluded.get(name, 0)
+    return {
+        "name": name,
+        "allocated": sum(by_status.values()),
+        "completed": by_status["completed"],
+        "active": by_status["active"],
+        "dropped": sum(by_status[status] for status in GONE),
+        "lost": _gone(mine, {key: n for key, n in held.inattentive.items() if key[0] == name}),
+        "excluded": excluded,
+        "analysable": by_status["completed"] - excluded,
+        "simulated": _sum(bots, "completed") + _sum(bots, "active"),
+    }
 
 
 def flow_of(study: Study, held: Stock) -> list[Node]:

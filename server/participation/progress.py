@@ -4,12 +4,12 @@ Every function is idempotent, and a call that comes too late changes nothing."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import Connection
 
-from server.participation import pairing
+from server.participation import pairing, places
 from server.participation.next_step import move_on, note
 from server.participation.served_studies import Studies
 from server.store import answers, decisions, episodes, events, new_places, participants, studies, study_openings
@@ -17,7 +17,7 @@ from server.store.events import ATTENTION_SCREENED_OUT
 from server.store.new_places import PlaceBudget
 from server.store.participants import NewParticipant, Participant
 from server.store.unpaired import unpaired
-from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
+from server.study.assignment import StudyFullError, next_condition, participant_seed
 from server.study.definition import Study
 from server.study.steps import StudyStep
 
@@ -106,13 +106,15 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
     study_id, study = opened
     if is_paused(connection, study.name):
         raise StudyPaused(study.name)
-    release(connection, study_id, study)
+    places.release(connection, all_studies, study)
     row = studies.get(connection, study_id)
     number = row.enrolled(arrival.simulated) if row else 0
-    taken = held(connection, study_id, study, arrival.simulated)
+    of_version = places.held(connection, (study_id,), study, arrival.simulated)
+    of_study = places.held(connection, studies.ids_of(connection, study.name), study, arrival.simulated)
+    waiting = _unpaired(connection, study_id, study, arrival.simulated)
     new = NewParticipant(
         study_id=study_id,
-        condition=next_condition(study, taken, number, _unpaired(connection, study_id, study, arrival.simulated)),
+        condition=next_condition(study, of_version, number, of_study, waiting),
         seed=participant_seed(study, number),
         token=arrival.token,
         language=arrival.language,
@@ -128,7 +130,7 @@ def _unpaired(connection: Connection, study_id: int, study: Study, simulated: bo
     `hold_min` may have gone; nobody is sent to wait with them."""
     if not any(agent.human for agent in study.agents):
         return {}
-    return unpaired(connection, study_id, _held_since(study), simulated)
+    return unpaired(connection, study_id, places.unseen_before(connection, study, study.hold_min), simulated)
 
 
 def enrol_within(
@@ -147,44 +149,12 @@ def is_paused(connection: Connection, study: str) -> bool:
     return study in decisions.paused_studies(connection)
 
 
-def held(connection: Connection, study_id: int, study: Study, simulated: bool = False) -> dict[str, Count]:
-    """Return how many people (or bots) hold a place in each condition. Bots never take a person's place. A participant
-    who consented and then did nothing holds one for `hold_min` only."""
-    found = participants.counts(connection, study_id, simulated)
-    silent = participants.silent(connection, (study_id,), _held_since(study), simulated)
-    return {
-        name: Count(by.get("completed", 0), by.get("active", 0) - silent.get(name, 0)) for name, by in found.items()
-    }
-
-
-def _held_since(study: Study) -> datetime:
-    return datetime.now(UTC) - timedelta(minutes=study.hold_min)
-
-
-def _place_is_lost(connection: Connection, all_studies: Studies, participant: Participant) -> bool:
-    """Return whether the participant was inactive for so long after consent that others have taken all places; if so,
-    end the participation."""
-    study = all_studies.of(participant)
-    quota = study.condition(participant.condition).quota
-    if quota is None or participant.position > 0 or participant.started_at >= _held_since(study):
-        return False
-    taken = held(connection, participant.study_id, study, participant.simulated)[participant.condition].held
-    if taken < quota or not participants.is_silent(connection, participant.id):
-        return False
-    return participants.leave(connection, participant.id, "timed_out")
-
-
-def release(connection: Connection, study_id: int, study: Study) -> int:
-    """Release the places of participants who were not seen for too long; return how many."""
-    return participants.time_out(connection, study_id, datetime.now(UTC) - timedelta(minutes=study.timeout_min))
-
-
 def arrive(connection: Connection, all_studies: Studies, participant_id: str) -> Participant | None:
     """Handle the opening of the current step's page: advance past a game that is over, and store the visit."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return participant
-    if _place_is_lost(connection, all_studies, participant):
+    if places.is_lost(connection, all_studies, participant):
         return participants.get(connection, participant_id)
     sequence = all_studies.steps_of(participant)
     step = sequence[min(participant.position, len(sequence) - 1)]
@@ -205,7 +175,7 @@ def submit(connection: Connection, all_studies: Studies, participant_id: str, su
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return False
-    if _place_is_lost(connection, all_studies, participant):
+    if places.is_lost(connection, all_studies, participant):
         return False
     sequence = all_studies.steps_of(participant)
     step = sequence[min(participant.position, len(sequence) - 1)]

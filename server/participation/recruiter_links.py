@@ -4,7 +4,7 @@ import logging
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 from urllib.parse import quote, unquote
 
 from server.study.definition import Study
@@ -87,6 +87,14 @@ def return_target(recruitment: Recruitment, outcome: Exit, values: Mapping[str, 
         return None
     fields = {"assignmentId": assignment, "code": values.get("code", "")}
     return ReturnTarget(f"{home}/mturk/externalSubmit", fields)
+
+
+def turned_away(
+    recruitment: Recruitment, outcome: Exit, person: str | None, extra: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the code and the way back of somebody who does not get in, and of whom nothing is stored."""
+    values = dict(extra) | {name: value for name, value in (("person", person), ("code", outcome.code)) if value}
+    return {"code": outcome.code, "back": return_target(recruitment, outcome, values)}
 
 
 def mturk_origin(address: str) -> str | None:

@@ -77,3 +77,9 @@ def paused_studies(connection: Connection) -> set[str]:
     """Return the names of all paused studies."""
     query = select(study_pauses.c.study).where(study_pauses.c.resumed_at.is_(None))
     return set(connection.execute(query).scalars())
+
+
+def pauses_of(connection: Connection, study: str) -> list[tuple[datetime, datetime | None]]:
+    """Return from when to when a study was paused; None: it still is."""
+    query = select(study_pauses.c.paused_at, study_pauses.c.resumed_at).where(study_pauses.c.study == study)
+    return [(row.paused_at, row.resumed_at) for row in connection.execute(query)]

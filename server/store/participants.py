@@ -11,6 +11,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, and_, exists, false, func, or_, select, update
 
+from server.store import studies as study_versions
 from server.store.studies import StudyVersion
 from server.store.tables import RECRUITMENT_ID, episodes, participants, personal, studies, withdrawals
 
@@ -72,7 +73,8 @@ def token_hash(token: str) -> str:
 
 
 def create(connection: Connection, new: NewParticipant) -> Participant:
-    """Return the participant, numbered in order of consent; the study version is frozen by the first one.
+    """Return the participant, numbered in order of consent through all versions of the study, so that researchers never
+    see two of one name; the study version is frozen by the first one.
 
     A person who is in the study already (same `recruitment_id`) gets the row that there is, with the new token.
     """
@@ -86,7 +88,7 @@ def create(connection: Connection, new: NewParticipant) -> Participant:
     row: dict[str, Any] = {
         "id": secrets.token_hex(8),
         "study_id": new.study_id,
-        "number": version.started,
+        "number": study_versions.started(connection, version.key),
         "allocation_number": version.enrolled(new.simulated),
         "condition": new.condition,
         "seed": new.seed,
@@ -265,15 +267,15 @@ def set_language(connection: Connection, participant_id: str, language: str) -> 
     connection.execute(update(participants).where(participants.c.id == participant_id).values(language=language))
 
 
-def counts(connection: Connection, study_id: int, simulated: bool = False) -> Counts:
-    """Return how many people (or bots) of each status each condition has, e.g. {"tom": {"active": 2, "withdrawn":
-    1}}."""
+def counts(connection: Connection, study_ids: Sequence[int], simulated: bool = False) -> Counts:
+    """Return how many people (or bots) of each status each condition of these study versions has, e.g. {"tom":
+    {"active": 2, "withdrawn": 1}}."""
     query = select(participants.c.condition, participants.c.status, func.count())
-    query = query.where(participants.c.study_id == study_id, participants.c.simulated == simulated)
+    query = query.where(participants.c.study_id.in_(study_ids), participants.c.simulated == simulated)
     found: Counts = {}
     for condition, status, count in connection.execute(query.group_by(participants.c.condition, participants.c.status)):
         found.setdefault(condition, {})[status] = count
-    gone = select(withdrawals.c.condition, func.count()).where(withdrawals.c.study_id == study_id)
+    gone = select(withdrawals.c.condition, func.count()).where(withdrawals.c.study_id.in_(study_ids))
     gone = gone.where(func.coalesce(withdrawals.c.simulated, false()) == simulated)
     for condition, count in connection.execute(gone.group_by(withdrawals.c.condition)):
         found.setdefault(condition, {})["withdrawn"] = count

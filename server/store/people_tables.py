@@ -30,12 +30,17 @@ participants = Table(
     metadata,
     column("id", ID, primary_key=True, meaning="Random public id, which reveals nothing about the person."),
     column("study_id", Integer, ForeignKey("studies.id"), meaning="Study version that the participant is in."),
-    column("number", Integer, meaning="1 to n, in order of consent within the study version."),
+    column(
+        "number",
+        Integer,
+        meaning="From 1, in order of consent through all versions of the study; until release 0.2.0 within a version.",
+    ),
     column(
         "allocation_number",
         Integer,
         server_default="0",
-        meaning="The same among people only, or among bots only: condition, seed and order of episodes follow from it.",
+        meaning="In order of consent within the version, among people only or among bots only: condition, seed and "
+        "order of episodes follow from it.",
     ),
     column("condition", KEY, meaning="Arm of the study; it never changes."),
     column("seed", BigInteger, meaning="63-bit seed of all random choices for this participant."),

@@ -53,5 +53,16 @@ def every(connection: Connection, key: str | None = None) -> list[StudyVersion]:
     return [_study(row) for row in connection.execute(query)]
 
 
+def ids_of(connection: Connection, key: str) -> list[int]:
+    """Return the numbers of all versions of a study, oldest first."""
+    query = select(studies.c.id).where(studies.c.key == key).order_by(studies.c.id)
+    return list(connection.execute(query).scalars())
+
+
+def started(connection: Connection, key: str) -> int:
+    """Return how many participants ever consented to any version of a study."""
+    return connection.execute(select(func.sum(studies.c.started)).where(studies.c.key == key)).scalar() or 0
+
+
 def _study(row: "Row[tuple[object, ...]]") -> StudyVersion:
     return StudyVersion(**row._mapping)

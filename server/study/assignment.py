@@ -28,17 +28,24 @@ class StudyFullError(Exception):
 
 
 def next_condition(
-    study: Study, counts: Mapping[str, Count], number: int, unpaired: Mapping[str, int] | None = None
+    study: Study,
+    counts: Mapping[str, Count],
+    number: int,
+    of_all_versions: Mapping[str, Count] | None = None,
+    unpaired: Mapping[str, int] | None = None,
 ) -> str:
     """Return the condition of the participant who is the `number`-th (from 0) to consent.
 
     Of the conditions below their quota, the one whose held places are fewest for its weight; equal ones are drawn by
-    the study's seed and `number`. So places that dropouts leave are filled first. Raises StudyFullError.
+    the study's seed and `number`. So places that dropouts leave are filled first. `counts`: the places of this version,
+    within which conditions take turns: one that a new version adds does not get everybody who comes next.
+    `of_all_versions`: those that a quota counts, if there are earlier versions. Raises StudyFullError.
 
     `unpaired`: in a study with rounds of two people, how many in each condition have not met a partner yet. Where that
     number is odd, somebody waits for one more: these conditions come first.
     """
-    open_ones = [condition for condition in study.conditions if not _is_full(condition, counts)]
+    filled = counts if of_all_versions is None else of_all_versions
+    open_ones = [condition for condition in study.conditions if not _is_full(condition, filled)]
     if not open_ones:
         raise StudyFullError(study.name)
     open_ones = [one for one in open_ones if (unpaired or {}).get(one.name, 0) % 2] or open_ones

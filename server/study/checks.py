@@ -9,7 +9,8 @@ from pydantic import BaseModel
 
 from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Condition, Study
-from server.study.locale import languages
+from server.study.locale import languages, refusal
+from server.study.mends import Mend, insert, keep_only, leave_out, write
 from server.study.published_scales import scale_languages
 from server.study.questionnaire import (
     ChoiceQuestion,
@@ -30,12 +31,14 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem at a place of the file. A warning does not prevent serving the study."""
+    """A problem at a place of the file. A warning does not prevent serving the study. `mend`: what the study builder
+    offers, where one small change solves it."""
 
     path: Path
     reason: str
     remedy: str
     warning: bool = False
+    mend: Mend | None = None
 
     @property
     def sentences(self) -> str:
@@ -65,7 +68,6 @@ def problems(study: Study) -> Iterator[Problem]:
     yield from _attention(study)
     yield from _episodes(study)
     yield from _two_people(study)
-    yield from _recruitment(study)
 
 
 def balance(study: Study, participants: int = 60) -> dict[str, Counter[tuple[str, int]]]:
@@ -104,15 +106,7 @@ def _names(study: Study) -> Iterator[Problem]:
         for index, name in enumerate(names):
             if name in names[:index]:
                 yield Problem((block, index, "name"), f"{name!r} is there twice", "Give each its own name.")
-    for language in study.languages:
-        if language not in languages():
-            reason = f"the platform itself has no words in {language!r}: its buttons will be English"
-            made = f"`kitchenmind study words {language}` makes locales/{language}.yaml next to the study"
-            remedy = (
-                f"{made}, which you translate. For a draft in the dashboard, append the server's data folder to the "
-                "command."
-            )
-            yield Problem(("languages",), reason, remedy, warning=True)
+    yield from _unknown_languages(study.languages)
     if len(set(study.languages)) < len(study.languages):
         yield Problem(("languages",), "a language is there twice", "Name each once.")
     for key in study.questionnaires:
@@ -123,13 +117,30 @@ def _names(study: Study) -> Iterator[Problem]:
             yield Problem(("pages", key), f"{key!r} is a built-in page", "Give the page another key.")
 
 
+def _unknown_languages(wanted: tuple[str, ...]) -> Iterator[Problem]:
+    for language in wanted:
+        if reason := refusal(language):
+            words = f"the file of the platform's words in {language!r} cannot be used: {reason.rstrip('.')}"
+            yield Problem(("languages",), words, "Until you correct it, the words stay as they were.", warning=True)
+        elif language not in languages():
+            reason = f"the platform itself has no words in {language!r}: its buttons will be English"
+            made = f"`kitchenmind study words {language}` makes locales/{language}.yaml next to the study"
+            remedy = (
+                f"{made}, which you translate. For a draft in the dashboard, append the server's data folder to the "
+                "command."
+            )
+            yield Problem(("languages",), reason, remedy, warning=True)
+
+
 def _flow(study: Study) -> Iterator[Problem]:
     known = [*FIXED_PAGES, *study.pages, *study.questionnaires]
     for index, entry in enumerate(study.flow):
+        mend = leave_out(f"Take {entry} out of the flow", ("flow", index))
         if entry not in known:
-            yield Problem(("flow", index), f"there is no page {entry!r}", f"Known: {', '.join(known)}.")
+            yield Problem(("flow", index), f"there is no page {entry!r}", f"Known: {', '.join(known)}.", mend=mend)
         if entry in study.flow[:index]:
-            yield Problem(("flow", index), f"{entry!r} comes twice", "Each page comes once; copy it under another key.")
+            remedy = "Each page comes once; copy it under another key."
+            yield Problem(("flow", index), f"{entry!r} comes twice", remedy, mend=mend)
     if study.flow[-1] != "thanks":
         yield Problem(
             ("flow",), "`flow` does not end with thanks", "Make `thanks` the last entry: it gives the completion code."
@@ -141,7 +152,8 @@ def _flow(study: Study) -> Iterator[Problem]:
     for block, keys in (("pages", study.pages), ("questionnaires", study.questionnaires)):
         for key in keys:
             if key not in study.flow and key != study.after_episode:
-                yield Problem((block, key), f"nobody reaches {key!r}", "Add it to `flow`, or remove it.")
+                mend = insert(f"Put {key} before the last page", ("flow",), len(study.flow) - 1, key)
+                yield Problem((block, key), f"nobody reaches {key!r}", "Add it to `flow`, or remove it.", mend=mend)
     if study.after_episode and study.after_episode not in study.questionnaires:
         yield Problem(
             ("after_episode",), f"there is no questionnaire {study.after_episode!r}", "Name one of `questionnaires`."
@@ -170,18 +182,21 @@ def _questions(study: Study, questionnaire: QuestionPage, path: Path) -> Iterato
             yield Problem((*place, "key"), f"{twice[0]!r} is there twice", "Give each question its own key.")
         taken.update(keys)
         if isinstance(question.conditions, tuple):
-            for name in set(question.conditions) - conditions:
-                yield Problem(
-                    (*place, "conditions"),
-                    f"there is no condition {name!r}",
-                    f"Known: {', '.join(sorted(conditions))}.",
-                )
+            yield from _unknown_conditions(question.conditions, conditions, (*place, "conditions"))
         if isinstance(question, PublishedScale):
             yield from _scale_languages(study, question, (*place, "scale"))
         if isinstance(question, ChoiceQuestion | MultipleQuestion | RankingQuestion):
             values = [option.value for option in question.options]
             if len(set(values)) < len(values):
                 yield Problem((*place, "options"), "two options have the same value", "Give each its own value.")
+
+
+def _unknown_conditions(names: tuple[str, ...], known: set[str], path: Path) -> Iterator[Problem]:
+    left = [name for name in names if name in known]
+    label = f"Ask in {', '.join(left)} only" if left else "Ask in all conditions"
+    for name in set(names) - known:
+        remedy = f"Known: {', '.join(sorted(known))}."
+        yield Problem(path, f"there is no condition {name!r}", remedy, mend=keep_only(label, path, left))
 
 
 def _scale_languages(study: Study, entry: PublishedScale, path: Path) -> Iterator[Problem]:
@@ -218,15 +233,11 @@ def _attention_checks(study: Study, condition: str) -> int:
 
 
 def _episodes(study: Study) -> Iterator[Problem]:
-    count = episodes_of_a_block(study) * study.blocks
-    for index, number in enumerate(study.breaks.after):
-        if not 1 <= number < count:
-            remedy = f"Use 1 to {count - 1}." if count > 1 else "Leave `breaks.after` empty: the study has one episode."
-            yield Problem(("breaks", "after", index), f"there is no break after episode {number}", remedy)
+    yield from _breaks(study, episodes_of_a_block(study) * study.blocks)
     if study.order.rule == "paper" and len(study.agents) != 2:
-        yield Problem(
-            ("order", "rule"), "the paper's rule alternates two agents", "List two agents, or use `latin_square`."
-        )
+        remedy = "List two agents, or use `latin_square`."
+        mend = write("Use latin_square", ("order", "rule"), "latin_square")
+        yield Problem(("order", "rule"), "the paper's rule alternates two agents", remedy, mend=mend)
     if study.game.deadline_ms >= study.game.tick_ms:
         yield Problem(
             ("game", "deadline_ms"), "the models' deadline lies beyond the tick", "Make it shorter than `tick_ms`."
@@ -235,6 +246,18 @@ def _episodes(study: Study) -> Iterator[Problem]:
         yield Problem(
             ("game", "pause"), "one pause may last longer than all together", "Make `episode_s` at least `each_s`."
         )
+
+
+def _breaks(study: Study, count: int) -> Iterator[Problem]:
+    """Check that each break lies between two of `count` episodes: fewer kitchens or agents are fewer episodes."""
+    left = [number for number in study.breaks.after if 1 <= number < count]
+    label = "Leave this break out" if len(left) + 1 == len(study.breaks.after) else "Leave these breaks out"
+    mend = keep_only(label, ("breaks", "after"), left)
+    for index, number in enumerate(study.breaks.after):
+        if number not in left:
+            remedy = f"Use 1 to {count - 1}." if count > 1 else "Leave `breaks.after` empty: the study has one episode."
+            reason = f"there is no break after episode {number}"
+            yield Problem(("breaks", "after", index), reason, remedy, mend=mend)
 
 
 def _two_people(study: Study) -> Iterator[Problem]:
@@ -252,32 +275,10 @@ def _two_people(study: Study) -> Iterator[Problem]:
             yield Problem(("agents", index), reason, "Remove them, or remove `human: true`.")
         if study.order.rule != "fixed":
             reason = "two people have to come to the same round at the same time"
-            yield Problem(("order", "rule"), reason, "Use `rule: fixed` where an agent is `human: true`.")
+            remedy = "Use `rule: fixed` where an agent is `human: true`."
+            mend = write("Use fixed", ("order", "rule"), "fixed")
+            yield Problem(("order", "rule"), reason, remedy, mend=mend)
         if agent.predictor is None and any(map(study.shows_predictions, study.conditions)):
             reason = "marks are to be shown, but there is no predictor for a person"
             remedy = "Add `predictor:`, e.g. that of an agent who plays much like people: `fcp_predictor_stream`."
             yield Problem(("agents", index), reason, remedy)
-
-
-def _recruitment(study: Study) -> Iterator[Problem]:
-    recruitment = study.recruitment
-    if recruitment.required and recruitment.person_parameter is None:
-        yield Problem(("recruitment", "required"), "no parameter has the person's id", "Set `person:` or a `source`.")
-    known = {"code", "person", *recruitment.extra_parameters}
-    for name in ("completed", "screened_out", "unpaired", "declined"):
-        outcome = getattr(recruitment, name)
-        for placeholder in _placeholders(outcome.url or ""):
-            if placeholder not in known:
-                reason = f"the address has an unknown placeholder {{{placeholder}}}"
-                yield Problem(("recruitment", name, "url"), reason, f"Known: {', '.join(sorted(known))}.")
-    if recruitment.source == "prolific" and not recruitment.completed.code:
-        yield Problem(
-            ("recruitment", "completed"),
-            "Prolific needs a fixed code",
-            "Add `code:` as shown by Prolific.",
-            warning=True,
-        )
-
-
-def _placeholders(url: str) -> list[str]:
-    return [piece.split("}", 1)[0] for piece in url.split("{")[1:] if "}" in piece]

@@ -80,7 +80,7 @@ class Condition(ConditionSettings, NamedPart):
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
     """A condition with weight 2 gets twice as many participants as one with weight 1."""
     quota: Annotated[int, Field(ge=1)] | None = None
-    """The largest number of participants. Empty: no limit."""
+    """The largest number of participants, of all versions of the study together. Empty: no limit."""
 
     @property
     def displays(self) -> tuple["Condition", ...]:

@@ -212,7 +212,7 @@ class Study(StrictModel):
     duration_min: Annotated[int, Field(ge=1, le=600)]
     """How long the study takes, in minutes. Participants see it where they choose a study."""
     timeout_min: Annotated[int, Field(ge=1)] = 120
-    """After this many minutes of absence, a participant no longer holds a place in a condition."""
+    """After so many minutes of absence, pauses of the study not counted, a place in a condition is free again."""
     hold_min: Annotated[int, Field(ge=1)] = 10
     """How many minutes a place is held after consent, until the first page is sent or the first game begins."""
     contact: Text | None = None

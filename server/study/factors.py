@@ -29,7 +29,7 @@ class Cells(StrictModel):
     """Factors of which every participant meets all levels, each in a block of rounds. The conditions are then the
     orders of the blocks. Empty: every participant has one level of each factor."""
     quota: Annotated[int, Field(ge=1)] | None = Field(default=None, examples=[20])
-    """The largest number of participants in each condition. Empty: no limit."""
+    """The largest number of participants in each condition, of all versions of the study together. Empty: no limit."""
 
 
 def _no_bare_list(levels: Any) -> Any:

@@ -15,8 +15,10 @@ from server.study.checks import Path, Problem, problems
 from server.study.definition import Study
 from server.study.display_checks import display_problems
 from server.study.factor_checks import factor_problems, in_factors
+from server.study.mends import Mend
 from server.study.own_languages import LanguageError, use_languages_beside
 from server.study.plan_checks import plan_problems
+from server.study.recruitment_checks import recruitment_problems
 from server.study.validation_messages import mistakes
 
 MAX_BYTES = 1_000_000
@@ -37,6 +39,7 @@ class PlacedProblem:
     path: Path
     text: str
     warning: bool = False
+    mend: Mend | None = None
 
 
 class StudyError(ValueError):
@@ -104,7 +107,7 @@ class LineNumbers:
     def placed(self, problem: Problem) -> PlacedProblem:
         """Return the same for an editor."""
         path = self.nearest(problem.path)
-        return PlacedProblem(self.line(path), path, self._sentence(problem), problem.warning)
+        return PlacedProblem(self.line(path), path, self._sentence(problem), problem.warning, problem.mend)
 
     def error(self, found: Sequence[Problem]) -> StudyError:
         """Return all problems as one error."""
@@ -142,7 +145,13 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     except ValidationError as error:
         found = sorted(mistakes(error, places.nearest), key=lambda one: places.line(one.path))
         raise places.error(found) from None
-    of_parts = (*problems(study), *display_problems(study), *plan_problems(study), *branch_problems(study))
+    of_parts = (
+        *problems(study),
+        *recruitment_problems(study),
+        *display_problems(study),
+        *plan_problems(study),
+        *branch_problems(study),
+    )
     together = (*factor_problems(study), *in_factors(study, of_parts))
     found = sorted(together, key=lambda one: places.line(places.nearest(one.path)))
     wrong = [problem for problem in found if not problem.warning]

@@ -2,6 +2,7 @@
 `locales` next to a study (see own_languages.py).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -11,7 +12,8 @@ import yaml
 
 LOCALES = Path(__file__).parent / "locales"
 FALLBACK = "en"
-_ADDED: dict[str, Path] = {}  # languages from folders next to studies
+_ADDED: dict[str, dict[str, str]] = {}  # words of languages from folders next to studies, and of the data folder
+_REFUSED: dict[str, str] = {}  # why the file of a language cannot be used
 # Words as written, where the usual loader reads `No` or `7.50` as something else; C is ten times as quick.
 _LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 
@@ -58,11 +60,22 @@ def is_bundled(language: str) -> bool:
     return (LOCALES / f"{language}.yaml").is_file()
 
 
-def add_language(language: str, path: Path) -> None:
-    """Read the words from a file. An empty entry means the English text."""
-    _ADDED[language] = path
+def add_language(language: str, words: Mapping[str, str]) -> None:
+    """Use these words, which were checked; the file may change later. An empty entry means the English text."""
+    _ADDED[language] = {key: text for key, text in words.items() if text}
+    _REFUSED.pop(language, None)
     for function in (locale, languages, _words):
         function.cache_clear()
+
+
+def refuse_language(language: str, reason: str) -> None:
+    """Note why the file of a language cannot be used; words that it had before stay."""
+    _REFUSED[language] = reason
+
+
+def refusal(language: str) -> str:
+    """Return why the file of a language cannot be used; empty if there is none, or it can."""
+    return _REFUSED.get(language, "")
 
 
 def best_language(accepted: str, offered: tuple[str, ...]) -> str:
@@ -85,7 +98,7 @@ def best_language(accepted: str, offered: tuple[str, ...]) -> str:
 def _words(language: str) -> dict[str, str]:
     if is_bundled(language) or language not in _ADDED:
         return words_in((LOCALES / f"{language}.yaml").read_text(encoding="utf-8"))
-    return {key: words for key, words in words_in(_ADDED[language].read_text(encoding="utf-8")).items() if words}
+    return _ADDED[language]
 
 
 def words_in(text: str) -> dict[str, str]:

@@ -142,7 +142,11 @@ def _line_of(text: str, key: str) -> int:
 def use_languages_beside(folder: Path) -> None:
     """Use the languages in the folder `locales` next to a study. The platform's own languages stay as they are. Raises
     LanguageError."""
-    for path in sorted((folder / FOLDER).glob("*.yaml")):
-        if LANGUAGE.fullmatch(path.stem) and not is_bundled(path.stem):
-            read(path)
-            add_language(path.stem, path.absolute())
+    for path in language_files(folder):
+        add_language(path.stem, read(path))
+
+
+def language_files(folder: Path) -> list[Path]:
+    """Return the files of languages that the platform does not have itself."""
+    found = sorted((folder / FOLDER).glob("*.yaml"))
+    return [path for path in found if LANGUAGE.fullmatch(path.stem) and not is_bundled(path.stem)]

@@ -40,7 +40,7 @@ class Recruitment(StrictModel):
     unpaired: Exit = Exit()
     """For participants whose partner does not arrive, if `waiting_room.fallback` is `leave`."""
     declined: Exit = Exit()
-    """For participants who do not consent."""
+    """For participants who do not consent, or come when all places are taken or the study is closed."""
 
     @property
     def person_parameter(self) -> str | None:

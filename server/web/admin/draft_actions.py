@@ -82,7 +82,8 @@ def _problems(file: StudyFile, versions: Versions, loads: bool = False) -> list[
 
 
 def _told(problem: PlacedProblem) -> dict[str, Any]:
-    return {"line": problem.line, "path": problem.path, "text": problem.text, "warning": problem.warning}
+    told = {"line": problem.line, "path": problem.path, "text": problem.text, "warning": problem.warning}
+    return told if problem.mend is None else told | {"mend": asdict(problem.mend)}
 
 
 @router.post("/markdown")

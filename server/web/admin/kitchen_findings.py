@@ -15,7 +15,7 @@ from overcooked.layout_file import LayoutError, grid_rows
 from overcooked.reach import KitchenReach, kitchen_reach
 from server.participation.own_kitchens import trained_models
 from server.participation.training_commands import is_file_ready, training_commands
-from server.settings import ROOT
+from server.settings import ROOT, program
 from server.study.checks import capitalised
 
 EPISODES: Final = 5
@@ -57,6 +57,7 @@ def _reach(reach: KitchenReach) -> dict[str, Any]:
 def _models(layout: Layout, own_models: Path) -> dict[str, Any]:
     found = trained_models(layout, own_models)
     commands = training_commands(layout.name, own_models, layout.text)
+    every = [commands.agent(), *commands.partners(), commands.collect(), commands.predictor()]
     return {
         "layout": found.layout,
         "scripted": list(found.scripted),
@@ -67,7 +68,7 @@ def _models(layout: Layout, own_models: Path) -> dict[str, Any]:
         "is_saved": is_file_ready(layout.name, layout.text, own_models),
         "folder": str(Path.cwd()),
         "results": str(commands.models / layout.name),
-        "commands": [commands.agent(), *commands.partners(), commands.collect(), commands.predictor()],
+        "commands": [f"{program()}{command.removeprefix('kitchenmind')}" for command in every],
     }
 
 

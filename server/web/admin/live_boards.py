@@ -37,12 +37,25 @@ class Watching:
     """One open dashboard: what it shows and what it has been sent."""
 
     def __init__(self, web: Web, live: LiveGames, study: str, admin: AdminSession) -> None:
-        self.live, self.admin = live, admin
+        self.web, self.live, self.admin = web, live, admin
         self.study_ids, self.study = study_at(web, study)
-        self.arms = {} if admin.blind else arm_names(self.study, blind=False)
+        self.arms = self._arms()
         self.shown: list[str] = []
         self.tab = "active"
         self._told: set[str] = set()
+
+    def follow(self) -> None:
+        """Also show the people of a version that was opened after the page was."""
+        study_ids, study = study_at(self.web, self.study.name)
+        if study_ids != self.study_ids or study is not self.study:
+            self.study_ids, self.study = study_ids, study
+            self.arms = self._arms()
+
+    def _arms(self) -> dict[str, str]:
+        if self.admin.blind:
+            return {}
+        versions = filter(None, map(self.web.studies.version, self.study_ids))
+        return arm_names(self.study, False, {one.name for version in versions for one in version.conditions})
 
     def asked(self, text: str) -> None:
         """What the page shows now: {"show": [episodes], "tab": name}. Raises ValueError for anything else."""
@@ -161,6 +174,7 @@ async def _tell(socket: WebSocket, services: Services, watching: Watching) -> No
                 return await socket.close(CloseCode.SIGNED_OUT, "sign in again")
         with suppress(DatabaseDown):
             await services.live.games.loop.between_batches()
+            watching.follow()
             await send_news(socket, await watching.news())
             if now - sent_at >= FIGURES_EVERY_S or tab != watching.tab:
                 sent_at, tab = now, watching.tab

@@ -86,8 +86,8 @@ async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
     for name in dict.fromkeys((*web.studies.names(), *kept)):
         versions, study = study_at(web, name)
         held = await web.database.read(stock, overview.Group(versions))
-        arms = arms_of(study, held, arm_names(study, blind=True), blind=True)
-        quotas = [condition.quota for condition in study.conditions if condition.quota is not None]
+        arms = arms_of(study, held, arm_names(study, True, held.conditions), blind=True)
+        targets = [arm["target"] for arm in arms]
         rows.append(
             {
                 "name": name,
@@ -99,7 +99,7 @@ async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
                 "completed": sum(arm["completed"] for arm in arms),
                 "active": sum(arm["active"] for arm in arms),
                 "simulated": sum(arm["simulated"] for arm in arms),
-                "target": sum(quotas) if len(quotas) == len(study.conditions) else None,
+                "target": None if None in targets else sum(targets),
             }
         )
     return AdminPage(request, admin).render("studies.html", tab="studies", rows=rows)
@@ -220,7 +220,7 @@ async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
     """Return what the diagram shows: the flow, and how it splits into arms."""
     study_ids, study = study_at(web, name)
     held = await web.database.read(stock, await web.database.read(overview.group_to_show, study_ids))
-    arms = arms_of(study, held, arm_names(study, blind), blind)
+    arms = arms_of(study, held, arm_names(study, blind, held.conditions), blind)
     flow = flow_of(study, held)
     return {"title": study.title.of("en"), "flow": flow, "arms": arms, "simulated": held.simulated}
 

@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from server.participation import progress
-from server.participation.recruiter_links import recruitment_of, return_target
+from server.participation.recruiter_links import recruitment_of, turned_away
 from server.store.participants import Participant
 from server.study.recruitment import Exit
 from server.web import deletion, guess_limits
@@ -34,9 +34,7 @@ async def unsuitable(request: Request, known: KnownStudyDep, web: WebDep) -> Res
 def _turned_away(made: PageResponse, known: KnownStudy, outcome: Exit, template: str) -> Response:
     recruitment = known.study.recruitment
     person, extra = recruitment_of(recruitment, dict(made.request.query_params))
-    values = extra | {name: value for name, value in (("person", person), ("code", outcome.code)) if value}
-    back = return_target(recruitment, outcome, values)
-    return made.render(f"participant/{template}.html", code=outcome.code, back=back)
+    return made.render(f"participant/{template}.html", **turned_away(recruitment, outcome, person, extra))
 
 
 def _codes_of_all(known: KnownStudy) -> set[str]:

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import secrets
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -12,7 +13,7 @@ from fastapi.responses import RedirectResponse
 from server.participation import progress
 from server.participation.episode_specs import layout_of
 from server.participation.page_answers import check_page
-from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of
+from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of, turned_away
 from server.play.close_codes import CloseCode
 from server.store import new_places, participants, study_openings
 from server.store.new_places import NoPlaceLeft
@@ -20,6 +21,7 @@ from server.store.participants import Participant
 from server.store.study_openings import StudyClosed
 from server.study.assignment import StudyFullError
 from server.study.definition import Study
+from server.study.recruitment import Recruitment
 from server.study.steps import episodes_of, step_address
 from server.study.text import Text
 from server.web.auth import BOT_MARK, forget_cookie, is_bot_mark, set_cookie, token_for
@@ -88,7 +90,7 @@ async def consent_page(request: Request, known: KnownStudyDep, web: WebDep, part
     if before is not None and before.status != "active" and (participant is None or participant.id != before.id):
         return made.render("participant/finished.html")
     if before is None and (not known.is_open or study.name in await web.database.read(study_openings.closed)):
-        return made.render("participant/closed.html", 409)
+        return _no_place(made, "closed", person, extra)
     if before is None and await web.database.read(progress.is_paused, study.name):
         return _paused(made)
     context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
@@ -166,10 +168,18 @@ async def _enrol(made: PageResponse, arrival: progress.ConsentArrival) -> Respon
     except progress.AlreadyFinished:
         return made.render("participant/finished.html", 409)
     except StudyFullError:
-        return made.render("participant/full.html", 409)
+        return _no_place(made, "full", arrival.person, arrival.extra)
     except StudyClosed:
-        return made.render("participant/closed.html", 409)
+        return _no_place(made, "closed", arrival.person, arrival.extra)
     return None
+
+
+def _no_place(made: PageResponse, template: str, person: str | None, extra: Mapping[str, str]) -> Response:
+    """Tell somebody whom a recruiter still sent how to go back, as if they had declined: nothing is stored."""
+    recruitment = made.study.recruitment if made.study is not None else Recruitment()
+    return made.render(
+        f"participant/{template}.html", 409, **turned_away(recruitment, recruitment.declined, person, extra)
+    )
 
 
 def _in_language(made: PageResponse, choice: str) -> PageResponse:

@@ -71,7 +71,7 @@ export class DraftForm {
     this.added?.select(); // typing replaces the name that a new item was given
     this.added = null;
     this.missing.show(plan, this.languages, (path) => this.controls.get(keyOf(path)));
-    showProblems(this.place, problems);
+    showProblems(this.place, problems, this.on.change);
     showOwnModels(this.place, values, own, (path, value) => this.on.change({ do: 'put', path, value }));
   }
 

@@ -218,7 +218,8 @@ export function blank(root, given, languages, variant) {
   if (schema.enum) return schema.enum[0];
   if (schema.const !== undefined) return schema.const;
   if (schema.type === 'array') {
-    return Array.from({ length: schema.minItems ?? 0 }, () => blank(root, schema.items, languages));
+    const { minItems = 0, items } = schema;
+    return Array.from({ length: minItems }, (_, index) => withName(blank(root, items, languages), `new_${index + 1}`));
   }
   if (schema.properties) {
     const required = schema.required ?? [];
@@ -237,6 +238,16 @@ export function blank(root, given, languages, variant) {
  */
 function ofEach(root, properties, languages) {
   return Object.fromEntries(Object.entries(properties).map(([key, inner]) => [key, blank(root, inner, languages)]));
+}
+
+/**
+ * Give a new item this name, if it needs one.
+ * @param {any} value
+ * @param {string} name
+ */
+function withName(value, name) {
+  const key = ['name', 'key', 'value'].find((one) => value?.[one] === '');
+  return key ? { ...value, [key]: name } : value;
 }
 
 /**

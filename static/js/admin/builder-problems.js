@@ -3,9 +3,10 @@
 import { findAll } from '../browser/dom.js';
 import { keyOf } from './builder-fields.js';
 import { focusInside } from './builder-open-blocks.js';
-import { withCode } from './elements.js';
+import { make, withCode } from './elements.js';
 
 /** @typedef {import('./builder-requests.js').Problem} Problem */
+/** @typedef {(operation: import('./builder-session.js').Operation) => void} Change */
 
 /**
  * Return the field or block at a place of the study.
@@ -49,11 +50,25 @@ export function leadTo(form, path) {
 }
 
 /**
+ * Return the button that solves a problem, if there is one.
+ * @param {Problem} problem
+ * @param {Change} change
+ * @returns {HTMLElement[]}
+ */
+export function mendButton({ mend }, change) {
+  if (!mend) return [];
+  const button = make('button', { className: 'btn tiny mend', type: 'button', text: mend.label });
+  button.addEventListener('click', () => change(mend.operation));
+  return [button];
+}
+
+/**
  * Say at the fields what is wrong; a section says how much is wrong in it.
  * @param {HTMLElement} form
  * @param {Problem[]} problems
+ * @param {Change} change
  */
-export function showProblems(form, problems) {
+export function showProblems(form, problems, change) {
   for (const words of findAll('.wrong', HTMLElement, form)) words.hidden = true;
   for (const badge of findAll('summary .badge', HTMLElement, form)) badge.hidden = true;
   for (const control of findAll('[aria-invalid]', HTMLElement, form)) control.removeAttribute('aria-invalid');
@@ -61,7 +76,7 @@ export function showProblems(form, problems) {
     const place = nearestBlock(form, problem.path);
     const words = place?.querySelector(':scope > .wrong, :scope > .inside > .wrong');
     if (!(place instanceof HTMLElement) || !(words instanceof HTMLElement)) continue;
-    words.replaceChildren(...withCode(problem.text));
+    words.replaceChildren(...withCode(problem.text), ' ', ...mendButton(problem, change));
     words.className = `wrong${problem.warning ? ' warn' : ''}`;
     words.hidden = false;
     if (problem.warning) continue;

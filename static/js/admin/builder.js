@@ -6,7 +6,7 @@ import { askForText } from './builder-conflict.js';
 import { keyOf } from './builder-fields.js';
 import { DraftForm } from './builder-form.js';
 import { KitchenDialog } from './builder-kitchens.js';
-import { leadTo } from './builder-problems.js';
+import { leadTo, mendButton } from './builder-problems.js';
 import { DraftRequests } from './builder-requests.js';
 import { DraftSaving, SAVING } from './builder-saving.js';
 import { DraftSession } from './builder-session.js';
@@ -152,7 +152,11 @@ function list(problems) {
     line.addEventListener('click', () => goToLine(one.line));
     const field = make('button', { className: 'link', type: 'button' }, place(one), ...withCode(one.text));
     field.addEventListener('click', () => goToField(one));
-    return make('li', { className: one.warning ? 'warn' : 'bad' }, make('div', {}, line, field));
+    return make(
+      'li',
+      { className: one.warning ? 'warn' : 'bad' },
+      make('div', {}, line, field, ...mendButton(one, change)),
+    );
   });
   const none = make('li', { className: 'none', text: 'No problems: the study can be opened.' });
   find('#problems', HTMLElement).replaceChildren(...(items.length ? items : [none]));

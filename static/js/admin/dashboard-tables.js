@@ -123,7 +123,7 @@ function armClass(kind) {
 
 /** @param {Researcher.Arm[]} arms */
 function imbalance(arms) {
-  const held = arms.map((arm) => arm.completed + arm.active);
+  const held = arms.filter((arm) => !arm.former).map((arm) => arm.completed + arm.active);
   const left = arms.map((arm) => `${arm.name} ${arm.dropped}`).join(', ');
   return `Largest gap between arms: ${Math.max(...held) - Math.min(...held)}. Left: ${left}.`;
 }

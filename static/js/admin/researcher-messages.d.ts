@@ -46,6 +46,7 @@ declare namespace Researcher {
     dropped: number;
     target: number | null;
     simulated: number;
+    former: boolean;
   }
 
   interface FlowNode {

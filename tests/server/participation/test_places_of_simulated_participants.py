@@ -56,8 +56,8 @@ def test_a_bot_that_withdraws_is_not_counted_as_a_person_who_did(database: Datab
     database.write_now(withdrawal.withdraw, bot.id)
     person = arrive(database, studies, simulated=False)
     assert person.allocation_number == 1
-    assert database.read_now(participants.counts, bot.study_id) == {person.condition: {"active": 1}}
-    assert database.read_now(participants.counts, bot.study_id, True) == {bot.condition: {"withdrawn": 1}}
+    assert database.read_now(participants.counts, (bot.study_id,)) == {person.condition: {"active": 1}}
+    assert database.read_now(participants.counts, (bot.study_id,), True) == {bot.condition: {"withdrawn": 1}}
 
 
 def test_the_dashboard_counts_people_and_bots_separately(database: Database, studies: Studies) -> None:

@@ -94,7 +94,7 @@ def test_counts_are_by_status_and_condition(database: Database, study_id: int) -
     database.write_now(participants.complete, people[0], None)
     database.write_now(participants.leave, people[1], "screened_out")
     database.write_now(withdraw, people[3])
-    counts = database.read_now(participants.counts, study_id)
+    counts = database.read_now(participants.counts, (study_id,))
     assert counts == {"tom": {"completed": 1, "screened_out": 1, "active": 1}, "none": {"withdrawn": 1}}
 
 
@@ -162,7 +162,7 @@ def test_withdrawal_leaves_a_count_and_no_occurrence_of_the_person(database: Dat
         assert database.read_now(rows_with, word) == {}
     assert database.read_now(rows_with, other.id) == untouched
     assert database.read_now(audit.first_forged) is None
-    assert database.read_now(participants.counts, study_id)[person.condition]["withdrawn"] == 1
+    assert database.read_now(participants.counts, (study_id,))[person.condition]["withdrawn"] == 1
 
 
 def test_withdrawal_leaves_no_trace_in_the_files_of_sqlite(tmp_path: Path) -> None:

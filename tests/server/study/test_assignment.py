@@ -81,7 +81,9 @@ def test_where_somebody_waits_for_a_partner_the_next_participant_comes_first(thr
     arms = []
     for number in range(60):
         waiting = {name: count - met[name] for name, count in held.items()}
-        name = next_condition(three_arms, {arm: Count(active=count) for arm, count in held.items()}, number, waiting)
+        name = next_condition(
+            three_arms, {arm: Count(active=count) for arm, count in held.items()}, number, unpaired=waiting
+        )
         held[name] += 1
         met[name] = held[name] // 2 * 2
         arms.append(name)
@@ -91,7 +93,7 @@ def test_where_somebody_waits_for_a_partner_the_next_participant_comes_first(thr
 
 def test_a_full_condition_gets_nobody_even_if_somebody_waits_there() -> None:
     study = parse_study(SMALL_STUDY.replace("predictor: tom}", "predictor: tom, quota: 1}")).study
-    assert next_condition(study, {"with": Count(active=1)}, 1, {"with": 1}) == "without"
+    assert next_condition(study, {"with": Count(active=1)}, 1, unpaired={"with": 1}) == "without"
 
 
 def test_held_places_never_differ_by_more_than_one_before_anybody_leaves(three_arms: Study) -> None:

@@ -73,6 +73,7 @@ def test_the_commands_of_a_saved_kitchen_read_its_file_and_what_they_make_is_fou
     found = ask(owner, "check", grid=ring, name="nook").json()["models"]
     assert found["is_saved"]
     words = shlex.split(found["commands"][0])
+    assert shutil.which(words[0]), "it works as it stands, also where no environment is activated"
     assert load_layout(words[words.index("--layout") + 1]).text == ring
     shutil.copytree(WEIGHTS / "coordination_ring" / "sp", words[words.index("--out") + 1])  # instead of training
     found = ask(owner, "check", grid=ring, name="nook").json()["models"]

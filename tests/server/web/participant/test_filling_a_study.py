@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import Connection, select
 
 from server.monitoring import invented_participants
-from server.participation import progress
+from server.participation import places
 from server.store import new_places, participants
 from server.store.database import Database
 from server.store.new_places import NoPlaceLeft
@@ -254,7 +254,7 @@ def test_assignment_counts_participants_who_hold_a_place(site: PageSite) -> None
     consented_ago(site, 11)
     (number, study) = site.studies.open("small") or (0, None)
     assert study is not None
-    assert [count.held for count in site.database.read_now(progress.held, number, study).values()] == [0, 0]
+    assert [count.held for count in site.database.read_now(places.held, (number,), study).values()] == [0, 0]
 
 
 def test_twenty_at_once_get_the_places_that_there_are(site: PageSite) -> None:

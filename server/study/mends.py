@@ -1,0 +1,35 @@
+"""Changes that the study builder offers for a problem: one click, and the rest of the text stays as it is. Pure."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+_Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Mend:
+    """A change that solves a problem. `label`: the words on its button; `operation`: as `drafting.changed` takes it."""
+
+    label: str
+    operation: Mapping[str, Any]
+
+
+def write(label: str, path: _Path, value: Any) -> Mend:
+    """Write a value at a place of the text."""
+    return Mend(label, {"do": "put", "path": list(path), "value": value})
+
+
+def leave_out(label: str, path: _Path) -> Mend:
+    """Remove a key or an item of a list."""
+    return Mend(label, {"do": "remove", "path": list(path)})
+
+
+def insert(label: str, path: _Path, index: int, value: Any) -> Mend:
+    """Put an item into a list, before the item `index`."""
+    return Mend(label, {"do": "insert", "path": list(path), "index": index, "value": value})
+
+
+def keep_only(label: str, path: _Path, kept: Sequence[Any]) -> Mend:
+    """Leave those items of a list that are valid, or remove the list if none is."""
+    return write(label, path, list(kept)) if kept else leave_out(label, path)

@@ -1,0 +1,52 @@
+"""Check that the recruitment of a study file fits the study, and that nobody is left without a way back. Pure: yields
+problems."""
+
+from collections.abc import Iterator
+
+from server.study.checks import Problem
+from server.study.definition import Study
+from server.study.mends import write
+
+
+def recruitment_problems(study: Study) -> Iterator[Problem]:
+    """Yield everything wrong with the recruitment of a study whose single values are valid."""
+    recruitment = study.recruitment
+    if recruitment.source != "none" and not recruitment.required:
+        reason = "who opens the link without an id takes a place, cannot be paid, and can take part again"
+        mend = write("Refuse such links", ("recruitment", "required"), True)
+        yield Problem(("recruitment", "required"), reason, "Set `required: true`.", warning=True, mend=mend)
+    if recruitment.required and recruitment.person_parameter is None:
+        yield Problem(("recruitment", "required"), "no parameter has the person's id", "Set `person:` or a `source`.")
+    known = {"code", "person", *recruitment.extra_parameters}
+    for name in ("completed", "screened_out", "unpaired", "declined"):
+        outcome = getattr(recruitment, name)
+        for placeholder in _placeholders(outcome.url or ""):
+            if placeholder not in known:
+                reason = f"the address has an unknown placeholder {{{placeholder}}}"
+                yield Problem(("recruitment", name, "url"), reason, f"Known: {', '.join(sorted(known))}.")
+    if recruitment.source == "prolific" and not recruitment.completed.code:
+        yield Problem(
+            ("recruitment", "completed"),
+            "Prolific needs a fixed code",
+            "Add `code:` as shown by Prolific.",
+            warning=True,
+        )
+    if recruitment.source == "prolific" and not recruitment.screened_out.code and _screens_out(study):
+        reason = "people who are screened out get no code, and cannot end their submission at Prolific"
+        remedy = "Add `code:` as shown by Prolific."
+        yield Problem(("recruitment", "screened_out"), reason, remedy, warning=True)
+    may_wait_in_vain = any(agent.human for agent in study.agents) and study.waiting_room.fallback == "leave"
+    if recruitment.source == "prolific" and not recruitment.unpaired.code and may_wait_in_vain:
+        reason = "people whose partner does not arrive get a code that Prolific does not know"
+        remedy = "Add `code:` as shown by Prolific."
+        yield Problem(("recruitment", "unpaired"), reason, remedy, warning=True)
+
+
+def _screens_out(study: Study) -> bool:
+    """Return whether the study sends people away after they have worked for it."""
+    by_quiz = study.quiz is not None and study.quiz.attempts is not None
+    return by_quiz or study.attention.screen_out_after is not None
+
+
+def _placeholders(url: str) -> list[str]:
+    return [piece.split("}", 1)[0] for piece in url.split("{")[1:] if "}" in piece]

@@ -1,0 +1,56 @@
+"""What `study check` says about recruitment: nobody who worked is left without a way back."""
+
+import re
+
+import pytest
+
+from server.settings import ROOT
+from server.study.drafting import changed, view
+from server.study.loader import parse_study
+from tests.support.study_text import SMALL_STUDY
+
+NOBODY_SCREENED_OUT = re.sub(r"(?m)^  attempts: .*\n", "", SMALL_STUDY)
+PAID = "{source: prolific, required: true, completed: {code: C1ABCDEF}"
+
+
+def warnings(recruitment: str, more: str = "") -> list[str]:
+    return [one.text for one in parse_study(f"{NOBODY_SCREENED_OUT}\nrecruitment: {recruitment}\n{more}").doubts]
+
+
+@pytest.mark.parametrize("source", ["prolific", "mturk", "sona"])
+def test_a_recruiters_link_without_an_id_is_pointed_out_and_refused_with_one_click(source: str) -> None:
+    text = f"{NOBODY_SCREENED_OUT}\nrecruitment: {{source: {source}, completed: {{code: C1ABCDEF}}}}\n"
+    (doubt,) = [one for one in view(text).problems if one.path == ("recruitment",)]
+    assert "can take part again" in doubt.text
+    assert doubt.warning
+    assert doubt.mend is not None
+    file = view(changed(text, dict(doubt.mend.operation))).file
+    assert file is not None
+    assert file.study.recruitment.required
+    assert not file.doubts
+
+
+def test_people_whom_prolific_pays_need_a_code_where_attention_checks_or_the_quiz_screen_them_out() -> None:
+    screens = "attention: {screen_out_after: 1}"
+    assert not warnings(f"{PAID}}}")
+    (words,) = warnings(f"{PAID}}}", screens)
+    assert "people who are screened out get no code" in words
+    in_quiz = parse_study(f"{SMALL_STUDY}\nrecruitment: {PAID}}}\n").doubts
+    assert [one.path for one in in_quiz] == [("recruitment",)]
+    assert not warnings(f"{PAID}, screened_out: {{code: C2SCREEN}}}}", screens)
+    assert not warnings("{source: sona, required: true}", screens)
+
+
+def test_people_who_wait_in_vain_for_a_partner_need_a_code_that_prolific_knows() -> None:
+    pairs = (ROOT / "studies" / "two_people.yaml").read_text(encoding="utf-8")
+    pairs = re.sub(r"(?m)^(waiting_room|recruitment):.*\n(  .*\n)*", "", pairs)
+    leaves, stays = "waiting_room: {fallback: leave}", "waiting_room: {fallback: agent}"
+
+    def doubts(recruitment: str, waiting_room: str) -> list[str]:
+        text = f"{pairs}\nrecruitment: {recruitment}\n{waiting_room}\n"
+        return [one.text for one in parse_study(text).doubts if "partner" in one.text]
+
+    (words,) = doubts(f"{PAID}}}", leaves)
+    assert "a code that Prolific does not know" in words
+    assert not doubts(f"{PAID}}}", stays)
+    assert not doubts(f"{PAID}, unpaired: {{code: C4ALONE}}}}", leaves)
