@@ -48,7 +48,7 @@ async def arrivals(database: Database) -> Arrivals:
 
 async def test_two_people_who_come_one_after_the_other_are_in_one_condition(arrivals: Arrivals) -> None:
     assert arrivals.in_pairs(6)
-    counts = arrivals.database.read_now(participants.counts, 1)
+    counts = arrivals.database.read_now(participants.counts, (1,))
     assert counts == {name: {"active": 4} for name in ("tom", "none", "random")}
 
 
