@@ -57,7 +57,7 @@ def _effects_finding(analysis: Analysis) -> str:
 def _reward_finding(analysis: Analysis) -> str:
     tests = with_p(select(analysis.rows, section="reward", test="kruskal_wallis_people"))
     if not tests:
-        kinds = ("kruskal_wallis_people", "kruskal_wallis")  # where the second has a p, its note is no reason
+        kinds = ("kruskal_wallis_people", "kruskal_wallis")  # a note of the second is a reason only without p
         tried = [row for test in kinds for row in select(analysis.rows, section="reward", test=test) if row.n]
         return f"The conditions could not be compared by reward: {note(tried[0])}." if tried else ""
     sure = [agent(row.agent) for row in tests if significant(row)]

@@ -16,6 +16,8 @@ from analysis import effects
 from analysis.groups import ALL, Groups, PeopleGroups, Values, computed, pairs
 from analysis.results import Result
 
+CORRECTED = "Benjamini-Hochberg"  # in a note
+
 
 def means(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]], section: str
@@ -203,7 +205,7 @@ def pairwise(
 
 
 def adjust(family: Sequence[Result]) -> list[Result]:
-    """Return the same rows with Benjamini-Hochberg p values over those that have a p value."""
+    """Return the same rows with Benjamini-Hochberg p values over those that have a p value, added to their notes."""
     tested = [row for row in family if not math.isnan(row.p)]
     if not tested:
         return list(family)
@@ -212,8 +214,9 @@ def adjust(family: Sequence[Result]) -> list[Result]:
     adjusted_p = np.empty(p.size)
     adjusted_p[order] = np.minimum(1, np.minimum.accumulate(p[order] * p.size / np.arange(p.size, 0, -1)))
     adjusted = iter(adjusted_p)
-    note = f"Benjamini-Hochberg over {len(tested)} tests"
-    notes = [f"{row.note}; {note}" if row.note else note for row in family]
+    note = f"{CORRECTED} over {len(tested)} tests"
+    before = [row.note.partition(CORRECTED)[0].removesuffix("; ") for row in family]  # of the test, which stays
+    notes = ["; ".join(filter(None, (own, note))) for own in before]
     return [
         row if math.isnan(row.p) else replace(row, p_adjusted=float(next(adjusted)), note=own)
         for row, own in zip(family, notes, strict=True)

@@ -6,7 +6,7 @@ the mean over the combinations. The people of a condition, who met the blocks in
 same levels are averaged with equal weight, and only variance within groups is error, so that an effect of the blocks'
 order does not count as an effect of the levels (Hills and Armitage 1979). That needs the same
 average block for every level, so that a steady change over the blocks, such as practice, cancels; where the orders that
-are left lack that, levels are adjusted for the block (block_orders), and where that is impossible, there is no test.
+are left lack that, levels are adjusted for the block (block_orders), and where that is impossible, nothing is tested.
 Balanced data give the tests of a split-plot analysis of variance. Where an effect within people has several
 differences, its degrees of freedom are corrected (Greenhouse and Geisser 1959).
 """

@@ -4,7 +4,7 @@ import polars as pl
 
 from analysis.table_files import TIMES
 
-FASTER = 1.05  # times real time, by the median timestep: more is no jitter
+FASTER = 1.05  # times real time, by the median timestep: jitter is less
 
 
 def lag(ticks: pl.DataFrame, pauses: pl.DataFrame) -> pl.DataFrame:
