@@ -71,7 +71,8 @@ def _secret(settings: Settings) -> Iterator[HealthFinding]:
     if path.is_file() and stat.S_IMODE(path.stat().st_mode) & 0o077:
         yield HealthFinding("secret", "bad", f"{path} can be read by others. Run `chmod 600 {path}`.")
     else:
-        yield HealthFinding("secret", "good", f"{'kept in' if path.is_file() else 'will be made in'} {path}")
+        is_there = path.is_file() and path.stat().st_size > 0
+        yield HealthFinding("secret", "good", f"{'kept in' if is_there else 'will be made in'} {path}")
 
 
 def _port(settings: Settings) -> Iterator[HealthFinding]:

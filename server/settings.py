@@ -6,7 +6,6 @@ The string below each setting is its description in docs/reference/settings.md.
 import ipaddress
 import os
 import re
-import secrets
 import shlex
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -15,6 +14,7 @@ from urllib.parse import quote, urlsplit
 from pydantic import Field, SecretStr, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from server.kept_secret import kept_secret
 from server.weak_secrets import is_weak
 
 ROOT = Path(__file__).resolve().parent.parent  # a checkout, or the folder in which packages are installed
@@ -203,18 +203,12 @@ class Settings(BaseSettings):
             self.data.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def signing_key(self) -> bytes:
-        """Return the secret; for local use one is made at the first start and kept, readable by the owner only."""
+        """Return the secret; for local use one is made at the first start and kept, readable by the owner
+        only. Raises ValueError, OSError."""
         if self.secret is not None:
             return self.secret.get_secret_value().encode()
         self.make_data_folder()
-        path = self.data / "secret"
-        try:
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        except FileExistsError:
-            return path.read_bytes()
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(secrets.token_urlsafe(32).encode())
-        return path.read_bytes()
+        return kept_secret(self.data / "secret")
 
 
 def settings_with(**given: Any) -> Settings:
