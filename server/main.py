@@ -30,6 +30,7 @@ from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
 from server.monitoring.report_making import StudyReports
+from server.monitoring.work_folders import remove_abandoned
 from server.participation.kitchen_files import write_kitchens
 from server.participation.preview_models import PreviewModels
 from server.participation.seating import ConnectedPlayer, Seating
@@ -124,6 +125,7 @@ async def wired(
         stack.callback(database.close)
         if not several:
             await database.write(to_newest)
+        await asyncio.to_thread(remove_abandoned)
         await asyncio.to_thread(write_kitchens, settings.own_kitchens, await database.read(kitchens.grids))
         studies = await Studies.opened(database, files)
         await starting
