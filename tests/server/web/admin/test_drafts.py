@@ -185,3 +185,14 @@ def test_an_earlier_text_is_looked_at_and_restored(site: PageSite) -> None:
     assert source(site, draft) == first.source
     history = site.database.read_now(study_drafts.history, draft)
     assert [one.note for one in history] == ["restored", "edited", "created"]
+
+
+@pytest.mark.parametrize("route", ["save", "aside"])
+def test_a_text_with_a_nul_character_is_refused_and_changes_nothing(site: PageSite, route: str) -> None:
+    """PostgreSQL cannot store it, which was an error of the server."""
+    researcher = signed_in(site, "own")
+    draft = begun(site, researcher)
+    before = source(site, draft)
+    status, answer = asked(researcher, draft, route, text=f"{before}# \x00\n", revision="2")
+    assert (status, answer["detail"][:36]) == (400, "The text contains a NUL character. D")
+    assert source(site, draft) == before
