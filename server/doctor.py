@@ -1,5 +1,5 @@
 """Check whether this machine is ready to serve: settings, secret, port, database, Redis, disk, studies, weights, TLS.
-It writes no file, starts nothing, and connects only to its port, the database, Redis and the server's own public address.
+It writes no file, starts nothing, and connects only to its port, the database, Redis and the server's public address.
 """
 
 import http.client
