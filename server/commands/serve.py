@@ -13,7 +13,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -246,13 +246,17 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
 
 
 def _announce(settings: "Settings", listening: socket.socket) -> None:
+    """Print the address. A log that cannot be written, because its disk is full, is no reason not to serve."""
     from server.settings import IS_CHECKOUT
 
-    if not IS_CHECKOUT:
-        print(f"data are kept in {settings.data.absolute()}", flush=True)
-    print(f"kitchenmind is at {_address(listening)}  (stop with Ctrl+C)", flush=True)
     create = f"{_program()} admin create NAME --role own{settings.data_option}"
-    print(f"the dashboard is at /admin; `{create}` makes an account for it", flush=True)
+    lines = [
+        *([] if IS_CHECKOUT else [f"data are kept in {settings.data.absolute()}"]),
+        f"kitchenmind is at {_address(listening)}  (stop with Ctrl+C)",
+        f"the dashboard is at /admin; `{create}` makes an account for it",
+    ]
+    with suppress(OSError):
+        print("\n".join(lines), flush=True)
 
 
 def _program() -> str:
