@@ -30,7 +30,7 @@ from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
 from server.monitoring.report_making import StudyReports
-from server.monitoring.work_folders import remove_abandoned
+from server.monitoring.temporary_folders import remove_abandoned
 from server.participation.kitchen_files import write_kitchens
 from server.participation.preview_models import PreviewModels
 from server.participation.seating import ConnectedPlayer, Seating

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from kitchenmind.argument_parser import ExactArgumentParser
 from server.commands import export
-from server.monitoring.work_folders import end_with_the_server
+from server.monitoring.temporary_folders import end_with_the_server
 
 
 def main(folder: Path, study: str) -> int:

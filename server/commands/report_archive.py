@@ -14,7 +14,7 @@ from kitchenmind.argument_parser import ExactArgumentParser
 from server.commands import export
 from server.commands.export_archive import give_way
 from server.monitoring.report_making import ABOUT, ARCHIVE, STAGES, write_stage
-from server.monitoring.work_folders import end_with_the_server
+from server.monitoring.temporary_folders import end_with_the_server
 
 
 def main(folder: Path, study: str) -> int:

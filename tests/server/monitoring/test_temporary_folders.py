@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from server.monitoring.work_folders import WorkFolder, remove_abandoned
+from server.monitoring.temporary_folders import TemporaryFolder, remove_abandoned
 
 _SERVER = """
 import time
-from server.monitoring.work_folders import WorkFolder
-folder = WorkFolder("export")
+from server.monitoring.temporary_folders import TemporaryFolder
+folder = TemporaryFolder("export")
 (folder.path / "answers.csv").write_text("what somebody wrote")
 print(folder.path, flush=True)
 time.sleep(600)
@@ -22,7 +22,7 @@ time.sleep(600)
 _WORKER = """
 import sys, time
 from pathlib import Path
-from server.monitoring.work_folders import end_with_the_server
+from server.monitoring.temporary_folders import end_with_the_server
 end_with_the_server(Path(sys.argv[1]))
 print("works", flush=True)
 time.sleep(600)
@@ -40,7 +40,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_folder_is_for_its_owner_only_and_goes_with_its_work(temporary: Path) -> None:
-    with WorkFolder("report") as folder:
+    with TemporaryFolder("report") as folder:
         assert (folder.path.parent, folder.path.stat().st_mode & 0o777) == (temporary, 0o700)
         (folder.path / "inner").mkdir()
     folder.remove()
@@ -54,7 +54,7 @@ def test_the_next_server_removes_what_a_killed_one_left_and_nothing_else(tempora
     elsewhere = temporary / "elsewhere"
     (elsewhere / "kept").mkdir(parents=True)
     (temporary / "kitchenmind-export-link").symlink_to(elsewhere)
-    with WorkFolder("export") as mine:
+    with TemporaryFolder("export") as mine:
         remove_abandoned()
         assert left.exists(), "its server lives"
         killed.kill()
