@@ -246,7 +246,7 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
 
 
 def _announce(settings: "Settings", listening: socket.socket) -> None:
-    """Print the address. A log that cannot be written, because its disk is full, is no reason not to serve."""
+    """Print the address. The server serves also where this cannot be written, because the disk of its log is full."""
     from server.settings import IS_CHECKOUT
 
     create = f"{_program()} admin create NAME --role own{settings.data_option}"
