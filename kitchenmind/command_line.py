@@ -24,7 +24,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "serve": ("server.commands.serve", "serve a study"),
     "doctor": (
         "server.commands.doctor",
-        "check whether this machine can serve: port, disk, TLS, secret, database, weights",
+        "check whether this machine can serve: port, disk, TLS, secret, database, Redis, weights",
     ),
     "admin": ("server.commands.admin", "manage researchers' accounts for the dashboard"),
     "person": ("server.commands.person", "find or delete one participant on request"),

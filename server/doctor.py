@@ -1,5 +1,5 @@
-"""Check whether this machine is ready to serve: settings, secret, port, database, disk, studies, weights, TLS. It
-writes no file, starts nothing, and connects only to its port, the database and the server's own public address.
+"""Check whether this machine is ready to serve: settings, secret, port, database, Redis, disk, studies, weights, TLS.
+It writes no file, starts nothing, and connects only to its port, the database, Redis and the server's public address.
 """
 
 import http.client
@@ -55,6 +55,7 @@ def examine(settings: Settings) -> Iterator[HealthFinding]:
         _secret,
         _port,
         _database,
+        _redis,
         _disk,
         _studies,
         _tls,
@@ -71,7 +72,8 @@ def _secret(settings: Settings) -> Iterator[HealthFinding]:
     if path.is_file() and stat.S_IMODE(path.stat().st_mode) & 0o077:
         yield HealthFinding("secret", "bad", f"{path} can be read by others. Run `chmod 600 {path}`.")
     else:
-        yield HealthFinding("secret", "good", f"{'kept in' if path.is_file() else 'will be made in'} {path}")
+        is_there = path.is_file() and path.stat().st_size > 0
+        yield HealthFinding("secret", "good", f"{'kept in' if is_there else 'will be made in'} {path}")
 
 
 def _port(settings: Settings) -> Iterator[HealthFinding]:
@@ -141,6 +143,25 @@ def _database(settings: Settings) -> Iterator[HealthFinding]:
         yield HealthFinding("database", "good", f"{shown} is there and up to date")
 
 
+def _redis(settings: Settings) -> Iterator[HealthFinding]:
+    if settings.redis is None:
+        return
+    from redis import Redis  # here: who serves with one process does not wait for it
+    from redis.exceptions import RedisError
+
+    redis = Redis.from_url(
+        settings.redis.get_secret_value(), socket_timeout=PATIENCE_S, socket_connect_timeout=PATIENCE_S
+    )
+    try:
+        redis.set("kitchenmind:doctor", 1, px=1)  # a Redis whose disk is full answers, but takes nothing
+    except (RedisError, OSError) as error:
+        yield HealthFinding("redis", "bad", f"it cannot be used: {error}. Start or repair it, or correct --redis.")
+    else:
+        yield HealthFinding("redis", "good", "it answers")
+    finally:
+        redis.close()
+
+
 def _disk(settings: Settings) -> Iterator[HealthFinding]:
     url = normal_url(settings.database)
     if url.get_backend_name() != "sqlite":
@@ -163,6 +184,10 @@ def _studies(settings: Settings) -> Iterator[HealthFinding]:
             grids = partial(grids_at, settings.database)
             file = load_with_kitchens(path, grids, settings.models_folder, settings.own_models)
             problems = [(problem.warning, file.describe(problem)) for problem in stage_problems(file)]
+            if settings.redis is not None:
+                from server.cluster.node import refuse_pairs
+
+                refuse_pairs([file])
         except StudyError as error:
             yield from (HealthFinding("study", "bad", line) for line in error.lines)
             continue

@@ -30,6 +30,7 @@ from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
 from server.monitoring.report_making import StudyReports
+from server.monitoring.temporary_folders import remove_abandoned
 from server.participation.kitchen_files import write_kitchens
 from server.participation.language_folder import LanguageFolder
 from server.participation.preview_models import PreviewModels
@@ -54,7 +55,7 @@ from server.web import health, protocol_document
 from server.web.admin import routes as researcher_routes
 from server.web.admin.preview_games import PreviewGames
 from server.web.auth import CsrfProtection, token_of
-from server.web.dependencies import Web, games_first, templates
+from server.web.dependencies import Web, games_first, plain_address, templates
 from server.web.error_pages import install_error_pages
 from server.web.guess_limits import Hashing
 from server.web.health import Commits, metrics_of
@@ -86,7 +87,7 @@ _ROUTES = (
 
 def create_app(settings: Settings) -> FastAPI:
     """Create the application with its routes; `wired` starts and stops its parts."""
-    before = [Depends(rate_limit), Depends(games_first)]
+    before = [Depends(rate_limit), Depends(plain_address), Depends(games_first)]
     app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, dependencies=before)
     app.add_middleware(SecurityHeaders, secure=_csrf(settings).secure)
     app.add_middleware(Boundary)
@@ -125,6 +126,7 @@ async def wired(
         stack.callback(database.close)
         if not several:
             await database.write(to_newest)
+        await asyncio.to_thread(remove_abandoned)
         await asyncio.to_thread(write_kitchens, settings.own_kitchens, await database.read(kitchens.grids))
         studies = await Studies.opened(database, files)
         await starting

@@ -6,7 +6,6 @@ The string below each setting is its description in docs/reference/settings.md.
 import ipaddress
 import os
 import re
-import secrets
 import shlex
 import shutil
 import sys
@@ -17,6 +16,7 @@ from urllib.parse import quote, urlsplit
 from pydantic import Field, SecretStr, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from server.kept_secret import kept_secret
 from server.weak_secrets import is_weak
 
 ROOT = Path(__file__).resolve().parent.parent  # a checkout, or the folder in which packages are installed
@@ -26,6 +26,7 @@ _LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
 _MIN_SECRET_LENGTH, _MIN_TOKEN_LENGTH = 32, 16
 _RANDOM_OF_SECRET, _RANDOM_OF_TOKEN = 20, 12  # unpredictable characters that it must have
 _MAKE_ONE = "`python3 -c 'import secrets; print(secrets.token_urlsafe(32))'`"
+_IN_PASSWORDS = "In a password, write / as %2F, # as %23, ? as %3F and @ as %40"
 _PLAIN_ADDRESS = re.compile(
     r"https?://(?P<host>[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\])(?::(?P<port>[0-9]{1,5}))?"
     r"(?:/[A-Za-z0-9_-]+)*/?"
@@ -117,16 +118,14 @@ class Settings(BaseSettings):
             raise ValueError(
                 f"{self.workers} workers need Redis to find each other's games: --redis redis://127.0.0.1:6379/0"
             )
-        if self.redis is not None and urlsplit(self.redis.get_secret_value()).scheme not in ("redis", "rediss", "unix"):
-            raise ValueError("KITCHENMIND_REDIS must be an address like redis://127.0.0.1:6379/0")
+        if self.redis is not None and not _is_address(self.redis, "redis", "rediss", "unix"):
+            raise ValueError(f"KITCHENMIND_REDIS must be an address like redis://127.0.0.1:6379/0. {_IN_PASSWORDS}")
         return self
 
     @model_validator(mode="after")
     def _address_can_be_posted_to(self) -> Self:
-        if self.alert_webhook is not None:
-            url = urlsplit(self.alert_webhook.get_secret_value())
-            if url.scheme not in ("http", "https") or not url.hostname:
-                raise ValueError("KITCHENMIND_ALERT_WEBHOOK must be an address like https://chat.example.org/hooks/...")
+        if self.alert_webhook is not None and not _is_address(self.alert_webhook, "http", "https"):
+            raise ValueError("KITCHENMIND_ALERT_WEBHOOK must be an address like https://chat.example.org/hooks/...")
         return self
 
     @model_validator(mode="after")
@@ -205,18 +204,12 @@ class Settings(BaseSettings):
             self.data.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def signing_key(self) -> bytes:
-        """Return the secret; for local use one is made at the first start and kept, readable by the owner only."""
+        """Return the secret; for local use one is made at the first start and kept, readable by the owner
+        only. Raises ValueError, OSError."""
         if self.secret is not None:
             return self.secret.get_secret_value().encode()
         self.make_data_folder()
-        path = self.data / "secret"
-        try:
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        except FileExistsError:
-            return path.read_bytes()
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(secrets.token_urlsafe(32).encode())
-        return path.read_bytes()
+        return kept_secret(self.data / "secret")
 
 
 def settings_with(**given: Any) -> Settings:
@@ -247,6 +240,19 @@ def program() -> str:
     if not path.is_file() or (found is not None and Path(found).samefile(path)):
         return "kitchenmind"
     return shlex.quote(str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path))
+
+
+def _is_address(secret: SecretStr, *schemes: str) -> bool:
+    """Return whether an address can be used. The texts of urlsplit's errors hold pieces of it, perhaps of a password,
+    so they are dropped."""
+    try:
+        url = urlsplit(secret.get_secret_value())
+        _ = url.port  # raises ValueError if it is not a number
+    except ValueError:
+        return False
+    if "redis" in schemes:  # without a host it is this machine; an @ after the host was meant to end a password
+        return url.scheme in schemes and "@" not in f"{url.path}{url.query}{url.fragment}"
+    return url.scheme in schemes and bool(url.hostname)
 
 
 def _plain(error: Any) -> str:

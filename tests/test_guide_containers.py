@@ -108,14 +108,15 @@ async def test_every_command_for_containers_does_what_the_guide_says(
         machine.does(export)
         machine.does(copy)
         assert (machine.folder / "data" / "parquet" / "episodes.parquet").is_file()
-        backup, stop, restore, start = commands(block("docker compose exec -T database pg_dump"))
+        backup, stop, *restore, start = commands(block("docker compose exec -T database pg_dump"))
         machine.does(backup)
         began = time.monotonic()
         machine.does(stop)
         assert time.monotonic() - began < STOPPED_TIMEOUT_S
         assert machine.containers()["server"] | {"health": ""} == {"status": "exited", "health": "", "exit": "0"}
         machine.does(LOSE_A_TABLE)
-        machine.does(restore)
+        for line in restore:
+            machine.does(line)
         machine.does(start)
         machine.until_ready(lambda: machine.does("docker compose logs --tail 40 server"))
     assert re.search(ONE_EPISODE, machine.does(verify), re.MULTILINE)

@@ -11,11 +11,13 @@ from pathlib import Path
 
 from kitchenmind.argument_parser import ExactArgumentParser
 from server.commands import export
+from server.monitoring.temporary_folders import end_with_the_server
 
 
 def main(folder: Path, study: str) -> int:
     """Write `folder`/archive.zip; return the exit status of `kitchenmind export`."""
     give_way()
+    end_with_the_server(folder)
     parser = ExactArgumentParser()
     export.add_arguments(parser)
     status = export.run(parser.parse_args(["--out", str(folder / study), "--study", study]))

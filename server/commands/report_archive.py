@@ -14,11 +14,13 @@ from kitchenmind.argument_parser import ExactArgumentParser
 from server.commands import export
 from server.commands.export_archive import give_way
 from server.monitoring.report_making import ABOUT, ARCHIVE, STAGES, write_stage
+from server.monitoring.temporary_folders import end_with_the_server
 
 
 def main(folder: Path, study: str) -> int:
     """Return the exit status of `kitchenmind export`, or 2 with the reason for data without a report."""
     give_way()
+    end_with_the_server(folder)
     parser = ExactArgumentParser()
     export.add_arguments(parser)
     data = folder / study

@@ -11,7 +11,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -244,13 +244,17 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
 
 
 def _announce(settings: "Settings", listening: socket.socket) -> None:
+    """Print the address. The server serves also where this cannot be written, because the disk of its log is full."""
     from server.settings import IS_CHECKOUT, program
 
-    if not IS_CHECKOUT:
-        print(f"data are kept in {settings.data.absolute()}", flush=True)
-    print(f"kitchenmind is at {_address(listening)}  (stop with Ctrl+C)", flush=True)
     create = f"{program()} admin create NAME --role own{settings.data_option}"
-    print(f"the dashboard is at /admin; `{create}` makes an account for it", flush=True)
+    lines = [
+        *([] if IS_CHECKOUT else [f"data are kept in {settings.data.absolute()}"]),
+        f"kitchenmind is at {_address(listening)}  (stop with Ctrl+C)",
+        f"the dashboard is at /admin; `{create}` makes an account for it",
+    ]
+    with suppress(OSError):
+        print("\n".join(lines), flush=True)
 
 
 def _address(listening: socket.socket) -> str:

@@ -2,8 +2,6 @@
 written.
 """
 
-import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -20,9 +18,11 @@ from server.export.codebook_columns import Column, ExportTable
 from server.export.files import TABLE_FORMATS, TableWriter
 from server.export.rows import Rows, Selection
 from server.store import private_files, studies, tombstones
+from server.store.work_folders import WorkFolder, remove_abandoned
 
 FORMATS = (*TABLE_FORMATS, "overcooked_ai")
 ROWS = 20_000  # of a chunk
+_UNFINISHED = ".kitchenmind-export-"
 _ROWS: dict[str, Callable[[Selection], Rows]] = {
     "studies": exported.study_rows,
     "arrivals": exported.arrival_rows,
@@ -75,20 +75,18 @@ def export(
         raise ExportRefused(f"{out} is not empty. Choose a new folder, so that nothing old is mixed in.")
     versions = _versions(connection, study)
     chosen = Selection(connection, None if study is None else tuple(version.id for version in versions))
-    private_files.make_folder(out.absolute().parent)
-    making = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.absolute().parent))
-    try:
-        summary = _write(chosen, making, table_formats)
+    parent = out.absolute().parent
+    private_files.make_folder(parent)
+    remove_abandoned(_UNFINISHED, parent)
+    with WorkFolder(_UNFINISHED, parent) as making:
+        summary = _write(chosen, making.path, table_formats)
         if len(table_formats) < len(formats):
             from server.export import trajectories  # simulates: the rules are compiled for it only
 
-            summary.rows[trajectories.FOLDER] = trajectories.write(chosen, making)
-        tombstones.write(making, tombstones.every(connection))
-        manifest.write_about(making, versions, summary.columns, formats)  # last: it lists the hashes of all files
-        making.replace(out)
-    except BaseException:
-        shutil.rmtree(making, ignore_errors=True)
-        raise
+            summary.rows[trajectories.FOLDER] = trajectories.write(chosen, making.path)
+        tombstones.write(making.path, tombstones.every(connection))
+        manifest.write_about(making.path, versions, summary.columns, formats)  # last: it lists the hashes of all files
+        making.path.replace(out)
     return summary
 
 

@@ -112,7 +112,9 @@ class Alerts:
             yield Alert("late", f"Timesteps come late: {p99:.0f} ms at the 99th percentile.")
         if any(DATABASE in game.session.pause_reasons for game in self._live.games):
             yield Alert("database", "The database does not store data: games are paused until it does.")
-        if leads and self._file is not None and self._file.exists():
+        if leads and self._file is not None and not self._file.exists():
+            yield Alert("file", f"The database {self._file} was moved or deleted: nothing is stored until it is back.")
+        elif leads and self._file is not None:
             free_gb = shutil.disk_usage(self._file.parent).free / 1e9
             if free_gb < DISK_GB:
                 yield Alert("disk", f"The disk is nearly full: {free_gb:.1f} GB are free.")

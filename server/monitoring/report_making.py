@@ -8,7 +8,6 @@ import contextlib
 import json
 import logging
 import subprocess
-import tempfile
 import time
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,6 +18,7 @@ from sqlalchemy import Connection
 from kitchenmind.extras import install_command
 from server.background_tasks import ended
 from server.monitoring.low_priority import start_module
+from server.monitoring.temporary_folders import TemporaryFolder
 from server.store import audit, study_reports
 from server.store.database import Database
 
@@ -77,8 +77,8 @@ class StudyReports:
     async def _run(self, number: int, study: str, by: str) -> None:
         try:
             try:
-                with tempfile.TemporaryDirectory(prefix="kitchenmind-report-") as folder:
-                    await self._make(number, Path(folder), study)
+                with TemporaryFolder("report") as folder:
+                    await self._make(number, folder.path, study)
             except (ReportFailed, OSError) as error:  # OSError: a full disk, too many processes
                 await self._database.write(study_reports.fail, number, study, by, str(error))
         except Exception:

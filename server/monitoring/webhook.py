@@ -45,7 +45,7 @@ class Webhook:
             await asyncio.sleep(pause_s)
             try:
                 status = (await client.post(self._address, json=message)).status_code
-            except httpx.HTTPError as error:
+            except Exception as error:  # noqa: BLE001 - also InvalidURL, OverflowError: later alerts are still tried
                 reason = type(error).__name__
                 continue
             if status < 300:

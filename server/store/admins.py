@@ -106,9 +106,10 @@ def session(connection: Connection, token_hash: str, now: datetime) -> tuple[Adm
     """Return the session of this token, and whether `touch` is due; None if it has ended."""
     query = select(admin_sessions, admins.c.role).join_from(admin_sessions, admins)
     row = connection.execute(query.where(admin_sessions.c.token_hash == token_hash)).first()
-    if row is None or now - row.created_at > MAX_SESSION or now - row.seen_at > IDLE:
+    # Without a sign: a session from the future would never end, if the machine's clock was set back since then.
+    if row is None or abs(now - row.created_at) > MAX_SESSION or abs(now - row.seen_at) > IDLE:
         return None
-    return AdminSession(token_hash, row.admin, row.role, row.blind), now - row.seen_at > _SEEN_EVERY
+    return AdminSession(token_hash, row.admin, row.role, row.blind), abs(now - row.seen_at) > _SEEN_EVERY
 
 
 def touch(connection: Connection, token_hash: str, now: datetime) -> None:

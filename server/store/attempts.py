@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final
 
-from sqlalchemy import Connection, delete, func, select
+from sqlalchemy import ColumnElement, Connection, delete, func, or_, select
 
 from server.store.tables import attempts
 
@@ -29,7 +29,7 @@ def reserve(connection: Connection, kind: str, name: str, origin: str, now: date
     `kind`: what is tried. `origin`: who tries, as a hash. No origin can use up the tries of another one.
     """
     a = attempts.c
-    connection.execute(delete(attempts).where(a.kind == kind, a.at <= now - WINDOW))
+    connection.execute(delete(attempts).where(a.kind == kind, is_out_of(WINDOW, now)))
     same = (a.kind == kind, a.name == name)
     of_all = _count(connection, *same)
     mine = _count(connection, *same, a.origin == origin)
@@ -50,6 +50,12 @@ def release(connection: Connection, reserved: Reserved) -> None:
 def forget(connection: Connection, name: str) -> None:
     """Forget every try on a name: the next one need not wait."""
     connection.execute(delete(attempts).where(attempts.c.name == name))
+
+
+def is_out_of(window: timedelta, now: datetime) -> ColumnElement[bool]:
+    """Return the condition for tries that no longer count. Those from the future do not count either: the machine's
+    clock was set back since then, perhaps by days."""
+    return or_(attempts.c.at <= now - window, attempts.c.at > now + window)
 
 
 def _count(connection: Connection, *where: object) -> int:

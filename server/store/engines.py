@@ -1,11 +1,9 @@
 """The differences between SQLite and PostgreSQL: connecting, locking out a second server, errors that mean "down"."""
 
-import fcntl
-import os
 import sqlite3
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
 from urllib.parse import quote
@@ -15,7 +13,9 @@ from sqlalchemy.engine import URL
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.pool import QueuePool
 
-from server.store import private_files
+from server.store import database_file
+from server.store.database_errors import DatabaseDown as DatabaseDown
+from server.store.database_errors import DatabaseInUse as DatabaseInUse
 from server.store.database_url import normal_url as normal_url
 from server.store.database_url import shown as shown
 
@@ -54,14 +54,6 @@ _SQLITE_DOWN = {
 }
 # Connection lost, out of resources (disk full), stopped by an operator, system error, read only, lock, deadlock.
 _POSTGRES_DOWN = ("08", "53", "57", "58", "25006", "55P03", "40")
-
-
-class DatabaseDown(Exception):
-    """The database cannot be reached or cannot commit (stopped, locked, disk full, input/output error)."""
-
-
-class DatabaseInUse(DatabaseDown):
-    """Another server has this database open."""
 
 
 def is_down(error: BaseException) -> bool:
@@ -178,7 +170,9 @@ class WriteConnection:
         self._waits_s = [0.1] * 20 if shared else [0.05] * 20
         self._in_turn = in_turn
         self._made_lock = not self._postgres and not Path(f"{url.database}.lock").exists()
-        self._file: IO[str] | None = None if self._postgres else _lock_file(url)
+        path = Path(str(url.database))
+        self._file: IO[str] | None = None if self._postgres else database_file.locked(path)
+        self._opened = None if self._postgres else database_file.OpenedFile(path)
         self._engine = writer_engine(url, lock_timeout_s)
         self._connection: Connection | None = None
         try:
@@ -192,6 +186,8 @@ class WriteConnection:
     @contextmanager
     def transaction(self) -> Iterator[Connection]:
         """Commit at the end. After an error of the database the connection is made again."""
+        if self._opened is not None:
+            self._opened.check()  # before SQLite would make an empty database in its place
         connection = self._connection or self._connect()
         try:
             with connection.begin():
@@ -265,30 +261,3 @@ def empty_log(connection: Connection) -> None:
     busy, _, _ = driver.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
     driver.execute(f"PRAGMA busy_timeout={timeout_ms}").close()
     connection.info[OVERWRITE] = bool(busy)
-
-
-def _lock_file(url: URL) -> IO[str]:
-    """Held while the server lives; the system lets go of it when the process dies, however it dies."""
-    path = Path(f"{url.database}.lock")
-    was_there = path.exists()
-    try:
-        private_files.make_database(Path(str(url.database)), path)
-        file = path.open("a+", encoding="utf-8")
-    except OSError as error:
-        if not was_there:
-            with suppress(OSError):
-                path.unlink()  # no trace of an address that does not work
-        raise DatabaseDown(f"cannot open {error.filename or path}: {error.strerror}") from error
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.seek(0)
-        owner = file.read().strip() or "unknown"
-        file.close()
-        raise DatabaseInUse(
-            f"another kitchenmind server (process {owner}) uses {url.database}. Stop it, or use another database."
-        ) from None
-    file.truncate(0)
-    file.write(f"{os.getpid()}\n")
-    file.flush()
-    return file

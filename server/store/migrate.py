@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from sqlalchemy import Connection, inspect, text
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import DBAPIError, OperationalError, ProgrammingError
 
 from server.store import engines
 from server.store.database import Database
@@ -17,7 +17,7 @@ MIGRATIONS = Path(__file__).resolve().parents[2] / "migrations"
 
 
 class DatabaseTooNew(Exception):
-    """The database was written by a later version of this software."""
+    """The database, or a table of it, was made by a later version of this software."""
 
 
 def migrate(url: str) -> None:
@@ -51,6 +51,14 @@ def _upgrade(connection: Connection) -> None:
         command.upgrade(config, "head")
     except CommandError as error:
         raise DatabaseTooNew(f"{error}. Use the kitchenmind that made this database, or a later one.") from None
+    except (OperationalError, ProgrammingError) as error:
+        if "already exists" not in str(error.orig):
+            raise
+        problem = str(error.orig).splitlines()[0]
+        raise DatabaseTooNew(
+            f"{problem}, although the database is of an earlier version. If a backup was restored over a later "
+            "version, restore it into an empty database."
+        ) from error
 
 
 def migrate_shared(url: str) -> None:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final
 
-from sqlalchemy import Connection, delete, func, select
+from sqlalchemy import Connection, delete, func, not_, select
 
+from server.store.attempts import is_out_of
 from server.store.tables import attempts
 
 WINDOW: Final = timedelta(hours=1)
@@ -57,11 +58,13 @@ def turned_away(connection: Connection, study: str, now: datetime) -> int:
 
 def _add(connection: Connection, kind: str, name: str, now: datetime) -> None:
     a = attempts.c
-    connection.execute(delete(attempts).where(a.kind == kind, a.at <= now - WINDOW))
+    connection.execute(delete(attempts).where(a.kind == kind, is_out_of(WINDOW, now)))
     connection.execute(attempts.insert().values(kind=kind, name=name, origin="", at=now))
 
 
 def _count(connection: Connection, kind: str, name: str, now: datetime) -> int:
     a = attempts.c
-    query = select(func.count()).select_from(attempts).where(a.kind == kind, a.name == name, a.at > now - WINDOW)
+    query = (
+        select(func.count()).select_from(attempts).where(a.kind == kind, a.name == name, not_(is_out_of(WINDOW, now)))
+    )
     return connection.execute(query).scalar_one()

@@ -36,7 +36,8 @@ class StoredReport:
 
     @property
     def is_running(self) -> bool:
-        return self.made_at is None and self.failure is None and datetime.now(UTC) - self.seen_at < _GONE_AFTER
+        since = abs(datetime.now(UTC) - self.seen_at)  # also if the machine's clock was set back
+        return self.made_at is None and self.failure is None and since < _GONE_AFTER
 
     @property
     def reason(self) -> str:

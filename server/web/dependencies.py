@@ -84,6 +84,12 @@ async def games_first(connection: HTTPConnection) -> None:
         await services_of(connection).games.loop.between_batches()
 
 
+async def plain_address(connection: HTTPConnection) -> None:
+    """Answer 404 to an address with a NUL character: nothing has such a name, and PostgreSQL refuses to look for it."""
+    if "\x00" in connection.scope["path"]:
+        raise HTTPException(404, "Not Found")
+
+
 async def own_form(request: Request, web: WebDep) -> Form:
     """Return the submitted form, from our own pages only."""
     return await read_form(request, web.csrf)

@@ -16,6 +16,7 @@ from websockets.sync.client import connect
 
 from server.play.close_codes import CloseCode
 from server.store.tables import participants
+from server.web.auth import FORM_FIELD
 
 ROLES = ("anonymous", "other", "participant", "watch", "act", "own")  # other: a participant of another study
 RESEARCHERS = ROLES[3:]  # each may what those before it may
@@ -218,3 +219,26 @@ def test_the_episodes_of_another_study_are_not_found_in_this_one(server: Any) ->
         with server.client(server.cookies["own"]) as client:
             assert client.get(f"/admin/s/short/{path}").status_code == 200
             assert client.get(f"/admin/s/other/{path}").status_code == 404
+
+
+def test_no_route_looks_for_a_name_with_a_nul_character(server: Any) -> None:
+    """PostgreSQL refuses such a text, which was an error of the server."""
+    for route in (route for route in ROUTES if "{" in route):
+        if server.request("GET /admin", "own").status_code != 200:
+            server.sign_in("own")
+        assert status_with_nul(server, *route.split(" ", 1)) == 404, route
+
+
+def status_with_nul(server: Any, method: str, path: str) -> int:
+    """The answer where the last name in the address has a NUL character."""
+    *_, last = re.findall(r"\{\w+\}", path)
+    path = re.sub(r"\{\w+\}", "short", path.replace(last, "a%00b"))
+    if method == "SOCKET":
+        url, cookie = server.live.url.replace("http", "ws") + path, {"Cookie": server.cookies["own"]}
+        with pytest.raises(InvalidStatus) as refused:
+            connect(url, additional_headers=cookie, origin=server.live.url)
+        return refused.value.response.status_code
+    with server.client(server.cookies["own"]) as client:
+        fields = {FORM_FIELD: server.form_token("own", path.startswith("/admin"))}
+        answer = client.get(path) if method == "GET" else client.post(path, data=fields)
+    return int(answer.status_code)

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from sqlalchemy import select
 
 import kitchenmind
-from server.settings import Settings
+from server.settings import Settings, settings_with
 from server.store import admins, audit, engines
 from server.store.admins import IDLE, MAX_SESSION
 from server.store.participants import new_token
@@ -125,6 +125,35 @@ def test_a_refused_setting_reveals_no_secret(
     said = capsys.readouterr().err
     assert "KITCHENMIND_SECRET" in said
     assert "hunter" not in said
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("redis", "redis://:hunter2/hunter@127.0.0.1:6379/0"),
+        ("redis", "redis://:hunter2#hunter@127.0.0.1:6379/0"),
+        ("redis", "redis://:2/hunter@127.0.0.1:6379/0"),  # the password begins like a port
+        ("redis", "redis://[hunter@127.0.0.1:6379/0"),
+        ("alert_webhook", "https://chat.example.org:hunter/hooks"),
+    ],
+)
+def test_an_address_that_is_not_understood_shows_no_piece_of_its_password(name: str, value: str) -> None:
+    with pytest.raises(ValueError, match=f"KITCHENMIND_{name.upper()} must be an address like") as refused:
+        settings_with(**{name: value}, database="postgresql://x@/y")
+    assert "hunter" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("redis", "redis://:pass%2Fword@127.0.0.1:6379/0"),
+        ("redis", "redis://"),
+        ("redis", "unix:///run/redis/redis.sock?db=1"),
+        ("alert_webhook", "https://lab.webhook.example.com/webhookb2/1@2/IncomingWebhook/3"),
+    ],
+)
+def test_addresses_of_all_kinds_are_taken(name: str, value: str) -> None:
+    assert getattr(settings_with(**{name: value}, database="postgresql://x@/y"), name).get_secret_value() == value
 
 
 def test_without_production_nobody_else_can_reach_the_server() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import psycopg
 import pytest
+from redis import Redis
 from sqlalchemy import text as sql
 
 import kitchenmind
@@ -22,6 +23,7 @@ from server.store.database import Database
 from server.store.migrate import migrate
 from server.web import health
 from tests.support.postgres_server import PostgresServer
+from tests.support.redis_server import RedisServer
 
 STUDY = ROOT / "tests" / "data" / "small_study.yaml"
 
@@ -30,12 +32,20 @@ STUDY = ROOT / "tests" / "data" / "small_study.yaml"
 def where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a secret that only its owner can read."""
     monkeypatch.setenv("KITCHENMIND_DATA", str(tmp_path))
-    for name in ("MODE", "SECRET", "PUBLIC_URL", "STUDIES", "DATABASE"):
+    for name in ("MODE", "SECRET", "PUBLIC_URL", "STUDIES", "DATABASE", "REDIS", "WORKERS"):
         monkeypatch.delenv(f"KITCHENMIND_{name}", raising=False)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "secret").write_text("x")
     (tmp_path / "secret").chmod(0o600)
     return tmp_path
+
+
+@pytest.fixture
+def own_redis() -> Iterator[RedisServer]:
+    """A Redis that the test may stop."""
+    server = RedisServer()
+    yield server
+    server.remove()
 
 
 def run(*words: str, capsys: pytest.CaptureFixture[str], study: Path = STUDY) -> tuple[int, dict[str, str]]:
@@ -144,6 +154,32 @@ def test_a_new_postgresql_database_is_fine_when_it_can_hold_every_letter(
         connection.execute("CREATE TABLE recipes (name text)")
     code, said = run("--database", url, capsys=capsys)
     assert (code, "is not a kitchenmind database" in said["database"]) == (1, True)
+
+
+@pytest.mark.postgres
+def test_a_redis_that_several_processes_could_not_use_is_reported(
+    where: Path, postgres: PostgresServer, own_redis: RedisServer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    database = ("--workers", "2", "--database", postgres.url(postgres.new_database()))
+    code, said = run(*database, "--redis", own_redis.url, capsys=capsys)
+    assert (code, said["redis"]) == (0, "ok it answers")
+    with Redis.from_url(own_redis.url) as client:
+        client.config_set("maxmemory", 1)  # what a full disk does, too: it answers, and takes nothing
+    code, said = run(*database, "--redis", own_redis.url, capsys=capsys)
+    assert (code, said["redis"].split()[0], "maxmemory" in said["redis"]) == (1, "BAD", True)
+    own_redis.stop()
+    code, said = run(*database, "--redis", own_redis.url.replace("redis://", "redis://:hunter2@"), capsys=capsys)
+    assert (code, said["redis"].split()[0], "--redis" in said["redis"]) == (1, "BAD", True)
+    assert "hunter" not in said["redis"]
+
+
+@pytest.mark.postgres
+def test_a_study_that_several_processes_cannot_serve_is_reported(
+    where: Path, postgres: PostgresServer, redis: RedisServer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("--workers", "2", "--redis", redis.url, "--database", postgres.url(postgres.new_database()))
+    code, said = run(*words, capsys=capsys, study=ROOT / "studies" / "two_people.yaml")
+    assert (code, said["study"].split()[0], "with one worker" in said["study"]) == (1, "BAD", True)
 
 
 def test_a_full_disk_is_reported_before_it_pauses_games(

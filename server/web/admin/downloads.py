@@ -2,7 +2,6 @@
 
 import asyncio
 import subprocess
-import tempfile
 from collections.abc import AsyncIterator
 from functools import partial
 from pathlib import Path
@@ -11,6 +10,7 @@ from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import StreamingResponse
 
 from server.monitoring.low_priority import start_module
+from server.monitoring.temporary_folders import TemporaryFolder
 from server.store import audit
 from server.web.admin.rendering import study_at
 from server.web.admin.researcher_auth import ActDep, AdminFormDep
@@ -32,11 +32,11 @@ async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFor
         raise HTTPException(503, "another export is being made", {"Retry-After": "30"})
     async with _one_at_a_time:  # taken before anything else is awaited
         await services.web.database.write(audit.add, admin.name, "export", {"study": name})
-        folder = tempfile.TemporaryDirectory(prefix="kitchenmind-export-")
+        folder = TemporaryFolder("export")
         try:
-            archive = await _make(Path(folder.name), name, services.settings.database)
+            archive = await _make(folder.path, name, services.settings.database)
         except BaseException:
-            folder.cleanup()
+            folder.remove()
             raise
     headers = {"Content-Disposition": f'attachment; filename="{name}.zip"', "Cache-Control": "no-store"}
     return StreamingResponse(_stream(archive, folder), media_type="application/zip", headers=headers)
@@ -57,7 +57,7 @@ async def _make(folder: Path, study: str, database: str) -> Path:
     return folder / "archive.zip"
 
 
-async def _stream(archive: Path, folder: "tempfile.TemporaryDirectory[str]") -> AsyncIterator[bytes]:
+async def _stream(archive: Path, folder: TemporaryFolder) -> AsyncIterator[bytes]:
     with folder, archive.open("rb") as file:
         while chunk := await asyncio.to_thread(file.read, CHUNK_BYTES):
             yield chunk

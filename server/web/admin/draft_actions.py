@@ -90,7 +90,7 @@ def _told(problem: PlacedProblem) -> dict[str, Any]:
 async def markdown(admin: OwnDep, services: ServicesDep, form: DraftFormDep) -> Response:  # noqa: ARG001
     """Render a Markdown text as participants see it; HTML in it is escaped."""
     render = services.web.templates.filters["markdown"]
-    return JSONResponse({"html": str(render(_text(form)))})
+    return JSONResponse({"html": str(await asyncio.to_thread(render, _text(form)))})
 
 
 @router.post("/save")

@@ -71,9 +71,13 @@ def _whole(source: str, versions: Versions, grids: Mapping[str, str]) -> str:
 
 
 async def _draft_form(request: Request, web: WebDep) -> Form:
-    """Return a form that may hold the text of a whole study."""
+    """Return a form that may hold the text of a whole study. Answers 400 to a NUL character, which PostgreSQL cannot
+    store; the draft's problems list other control characters with their lines."""
     session = form_session(request)
-    return await read_form(request, web.csrf, session, controls=True, largest=MAX_DRAFT_BYTES)
+    form = await read_form(request, web.csrf, session, controls=True, largest=MAX_DRAFT_BYTES)
+    if any("\x00" in value for values in form.values() for value in values):
+        raise HTTPException(400, "The text contains a NUL character. Delete it and save again.")
+    return form
 
 
 DraftDep = Annotated[StudyDraft, Depends(draft_at)]

@@ -110,7 +110,8 @@ def back_to(path: str, outcome: str = "") -> RedirectResponse:
 def own_path(path: str) -> str:
     """Return the path if it is one of a researcher's pages, else their first page."""
     plain = all(letter.isalnum() or letter in "/_-.~" for letter in path)
-    return path if plain and path.startswith("/admin/") and "//" not in path else "/admin"
+    climbs = {".", ".."} & set(path.split("/"))  # behind a path of the address, /admin/../.. is another site
+    return path if plain and path.startswith("/admin/") and "//" not in path and not climbs else "/admin"
 
 
 def study_at(web: Web, name: str) -> tuple[tuple[int, ...], Study]:

@@ -1,5 +1,7 @@
 """What `kitchenmind serve` prints when it starts: a command that can be typed as it is."""
 
+import errno
+import io
 import socket
 import sys
 from pathlib import Path
@@ -32,3 +34,16 @@ def test_the_printed_command_is_found_from_where_the_server_runs(
     with socket.create_server(("127.0.0.1", 0)) as listening:
         serve._announce(Settings(_env_file=None), listening)
     assert f"`{called.format(bin=folder)} admin create NAME --role own" in capsys.readouterr().out
+
+
+class FullDisk(io.StringIO):
+    """A log whose disk is full."""
+
+    def flush(self) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_server_whose_log_cannot_be_written_starts_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdout", FullDisk())
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        serve._announce(Settings(_env_file=None), listening)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from server.background_tasks import ended
 from server.monitoring.webhook import MAX_WAITING, Webhook
 from server.settings import Settings
 
@@ -130,3 +131,24 @@ def test_the_address_is_in_no_log(chat: WebhookHandler, caplog: pytest.LogCaptur
 def test_a_webhook_is_an_address() -> None:
     with pytest.raises(ValueError, match="KITCHENMIND_ALERT_WEBHOOK must be an address"):
         Settings(alert_webhook="chat.example.org/hooks")
+
+
+@pytest.mark.parametrize("address", ["https://ä..example/hooks", "https://127.0.0.1:99999/hooks"])
+def test_an_address_that_cannot_be_used_is_logged_for_every_alert(
+    address: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def fail() -> None:
+        hook = Webhook(address, ())
+        task = asyncio.create_task(hook.run())
+        for number in (1, 2):
+            hook.send({"text": "nobody reads this"})
+            async with asyncio.timeout(30):
+                while len(caplog.records) < number and not task.done():
+                    await asyncio.sleep(0.01)
+        await ended(task)
+
+    asyncio.run(fail())
+    assert [record.message.partition(":")[0] for record in caplog.records] == [
+        "an alert could not be delivered to the webhook"
+    ] * 2
+    assert "hooks" not in caplog.text

@@ -47,6 +47,15 @@ def test_a_session_ends_when_nobody_uses_it_and_after_half_a_day_anyway(database
     assert database.read_now(admins.session, token, NOW + admins.MAX_SESSION + timedelta(seconds=1)) is None
 
 
+def test_a_session_from_before_the_clock_was_set_back_ends_too(database: Database, mara: str) -> None:
+    database.write_now(admins.open_session, mara, "t" * 64, NOW)
+    assert database.read_now(admins.session, "t" * 64, NOW - timedelta(days=2)) is None
+    assert database.read_now(admins.session, "t" * 64, NOW - admins.IDLE - timedelta(minutes=1)) is None
+    found = database.read_now(admins.session, "t" * 64, NOW - timedelta(hours=1))
+    assert found is not None
+    assert found[1], "it is noted when the session was used"
+
+
 def test_a_new_password_or_removal_ends_all_sessions(database: Database, mara: str) -> None:
     for end in (lambda: database.write_now(admins.set_password, mara, "new"),
                 lambda: database.write_now(admins.remove, mara)):  # fmt: skip

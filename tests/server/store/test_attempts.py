@@ -51,6 +51,15 @@ def test_a_name_that_many_attack_keeps_a_try_for_everybody_who_has_not_tried(dat
     assert tries_left(database, "mara", "the owner") == LIMIT
 
 
+def test_tries_from_before_the_clock_was_set_back_lock_nobody_out(database: Database) -> None:
+    for ahead in (timedelta(days=2), timedelta(hours=1)):
+        assert tries_left(database, "ada", "here", NOW + ahead) == LIMIT
+        assert tries_left(database, "ada", "here") == LIMIT
+        database.write_now(attempts.forget, "ada")
+    assert tries_left(database, "ada", "here", NOW + WINDOW / 2) == LIMIT
+    assert tries_left(database, "ada", "here") == 0, "a small step gives no more tries"
+
+
 @pytest.mark.parametrize("change", ["set_password", "remove"])
 def test_a_new_password_or_removal_forgets_what_was_tried(database: Database, change: str) -> None:
     database.write_now(admins.create, "ada", "a hash", "own")

@@ -1,16 +1,23 @@
 import os
+import re
 import shutil
 import stat
 import subprocess
 import threading
 from pathlib import Path
 
+import psycopg
 import pytest
+from sqlalchemy import func, select
 
 import kitchenmind
-from server.store import episodes, studies, ticks
+from server.settings import ROOT
+from server.store import engines, episodes, studies, ticks
 from server.store.database import Database
-from server.store.migrate import migrate
+from server.store.migrate import DatabaseTooNew, migrate
+from server.store.tables import participants, study_reports
+from tests.server.store.test_migrations import EARLIER, make_as_of
+from tests.server.store.test_migrations import fill as fill_old
 from tests.support.postgres_server import PostgresServer, programs
 from tests.support.study_data import SPEC, fill, played
 
@@ -106,3 +113,44 @@ def test_postgresql_is_backed_up_and_restored_as_the_page_says(
         restored.write_now(fill, key="another")
     for name in (first, second):
         postgres.drop_database(name)
+
+
+def database_commands() -> list[str]:
+    """What the guide runs in the container of the database: the backup, and what restores it."""
+    guide = (ROOT / "docs" / "guides" / "run_on_a_server.md").read_text(encoding="utf-8")
+    return re.findall(r"^docker compose exec -T database (.*)$", guide, re.MULTILINE)
+
+
+@pytest.mark.postgres
+def test_a_backup_of_an_earlier_version_replaces_a_database_of_this_one_as_the_guide_says(
+    postgres: PostgresServer, tmp_path: Path
+) -> None:
+    name, people = "kitchenmind", select(func.count()).select_from(participants)
+    with psycopg.connect(postgres.url(), autocommit=True) as connection:
+        connection.execute(f"CREATE DATABASE {name}")
+    make_as_of(postgres.url(name), EARLIER[-1])
+    writer = engines.WriteConnection(engines.normal_url(postgres.url(name)))
+    with writer.transaction() as stored:
+        fill_old(stored)
+    writer.close()
+    environment = {**os.environ, "PGHOST": str(postgres.folder), "PATH": f"{programs()}:{os.environ['PATH']}"}
+    backup_command, *restore = database_commands()
+    subprocess.run(backup_command, shell=True, check=True, cwd=tmp_path, env=environment)
+    migrate(postgres.url(name))
+    for command in restore:
+        subprocess.run(command, shell=True, check=True, cwd=tmp_path, env=environment)
+    migrate(postgres.url(name))
+    with Database(postgres.url(name), read_only=True) as database:
+        assert database.read_now(lambda connection: connection.execute(people).scalar_one()) == 1
+    postgres.drop_database(name)
+
+
+def test_tables_of_a_later_version_that_a_restore_left_are_named(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/study.db"
+    make_as_of(url, EARLIER[0])
+    writer = engines.WriteConnection(engines.normal_url(url))
+    with writer.transaction() as connection:
+        study_reports.create(connection)
+    writer.close()
+    with pytest.raises(DatabaseTooNew, match=r"study_reports.* already exists.*restore it into an empty database"):
+        migrate(url)

@@ -1,7 +1,7 @@
 """New participants by address in a real database, shared by all processes."""
 
 import asyncio
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from sqlalchemy import Connection
@@ -14,10 +14,10 @@ NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 BUDGETS = [PlaceBudget("a network", 3), PlaceBudget("its site", 5)]
 
 
-def enrol(connection: Connection, budgets: list[PlaceBudget], refuse: bool = False) -> bool:
+def enrol(connection: Connection, budgets: list[PlaceBudget], refuse: bool = False, now: datetime = NOW) -> bool:
     """A transaction as an enrolment makes it. `refuse`: the study turns out to be full."""
-    new_places.check(connection, budgets, NOW)
-    new_places.take(connection, budgets, NOW)
+    new_places.check(connection, budgets, now)
+    new_places.take(connection, budgets, now)
     if refuse:
         raise LookupError
     return True
@@ -50,3 +50,9 @@ async def test_several_server_processes_share_the_places_of_an_address(url: str)
         answers = await asyncio.gather(*arrivals, return_exceptions=True)
     assert answers.count(True) == 3
     assert sum(isinstance(answer, NoPlaceLeft) for answer in answers) == 17
+
+
+def test_people_from_before_the_clock_was_set_back_take_no_places(database: Database) -> None:
+    for _ in range(3):
+        database.write_now(enrol, [BUDGETS[0]], now=NOW + timedelta(days=2))
+    assert database.write_now(enrol, [BUDGETS[0]])

@@ -72,3 +72,10 @@ def test_a_withdrawal_deletes_the_study_s_reports_and_the_one_that_is_being_made
     assert newest is not None
     assert (newest.reason, kept) == (study_reports.WITHDRAWN, None)
     assert database.read_now(study_reports.archive_of, "other") == b"files"
+
+
+def test_an_unfinished_report_from_before_the_clock_was_set_back_blocks_no_other(database: Database) -> None:
+    database.write_now(study_reports.begin, "ring", "mara", "reading")
+    ahead = datetime.now(UTC) + timedelta(days=2)
+    database.write_now(lambda connection: connection.execute(update(table).values(seen_at=ahead)))
+    assert database.write_now(study_reports.begin, "other", "ben", "reading") is not None

@@ -113,13 +113,13 @@ def test_guessing_passwords_has_to_wait(site: PageSite) -> None:
 
 
 def test_after_signing_in_nobody_is_led_elsewhere(site: PageSite) -> None:
-    for target in ("https://evil.example/", "//evil.example/admin/", "/admin/../s/small", "/s/small"):
+    climbing = ("/admin/../s/small", "/admin/s/../../../other-app", "/admin/./..", "/admin/..")  # behind a path: away
+    for target in ("https://evil.example/", "//evil.example/admin/", "/s/small", *climbing):
         researcher = Researcher(site)
         researcher.client.follow_redirects = False
         researcher.get("/admin/login")
         answer = researcher.post("/admin/login", name="own", password=PASSWORD, next=target)
-        assert answer.headers["location"] in ("/admin", "/admin/../s/small"), target
-        assert "evil" not in answer.headers["location"]
+        assert answer.headers["location"] == "/admin", target
 
 
 def test_a_blinded_researcher_is_sent_neither_conditions_nor_marks(site: PageSite) -> None:

@@ -92,3 +92,16 @@ def test_an_alert_carries_a_text_for_a_chat_and_parts_for_a_program() -> None:
     assert message["text"] == "kitchenmind: ring: P-001 is away. https://lab.example/admin/s/ring/game/7"
     assert (message["alert"], message["state"], message["study"]) == ("game 7", "open", "ring")
     assert message_of(alert, over=True, public_url="")["text"] == "kitchenmind: over: ring: P-001 is away."
+
+
+def test_an_alert_reports_a_database_that_somebody_moved_until_it_is_back(site: PageSite, tmp_path: Path) -> None:
+    file = tmp_path / "file.db"
+    file.touch()
+    alerts = Alerts(site.services.live, file, lambda *_: None)
+    asyncio.run(alerts.look())
+    file.rename(tmp_path / "moved.db")
+    asyncio.run(alerts.look())
+    assert "was moved or deleted: nothing is stored" in str(alerts.shown("small")[0]["text"])
+    (tmp_path / "moved.db").rename(file)
+    asyncio.run(alerts.look())
+    assert list(alerts.open) == []

@@ -1,6 +1,8 @@
 """Studies that are written in the dashboard: drafts, their checks, conflicts and history."""
 
 import json
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -185,3 +187,35 @@ def test_an_earlier_text_is_looked_at_and_restored(site: PageSite) -> None:
     assert source(site, draft) == first.source
     history = site.database.read_now(study_drafts.history, draft)
     assert [one.note for one in history] == ["restored", "edited", "created"]
+
+
+@pytest.mark.parametrize("route", ["save", "aside"])
+def test_a_text_with_a_nul_character_is_refused_and_changes_nothing(site: PageSite, route: str) -> None:
+    """PostgreSQL cannot store it, which was an error of the server."""
+    researcher = signed_in(site, "own")
+    draft = begun(site, researcher)
+    before = source(site, draft)
+    status, answer = asked(researcher, draft, route, text=f"{before}# \x00\n", revision="2")
+    assert (status, answer["detail"][:36]) == (400, "The text contains a NUL character. D")
+    assert source(site, draft) == before
+
+
+def test_games_and_pages_do_not_wait_for_a_text_that_is_rendered(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A text of 60,000 brackets takes a second."""
+    researcher, other = signed_in(site, "own"), signed_in(site, "act")
+    draft = begun(site, researcher)
+    begun_to_render, other_page_came = threading.Event(), threading.Event()
+
+    def render(_: str) -> str:
+        begun_to_render.set()
+        return "in time" if other_page_came.wait(5) else "the other page had to wait"
+
+    monkeypatch.setitem(site.services.web.templates.filters, "markdown", render)
+    with ThreadPoolExecutor(1) as threads:
+        answer = threads.submit(asked, researcher, draft, "markdown", text="[" * 10)
+        assert begun_to_render.wait(10)
+        other.get("/admin/audit")
+        other_page_came.set()
+        assert answer.result() == (200, {"html": "in time"})
