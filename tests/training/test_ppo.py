@@ -126,7 +126,8 @@ def test_partners_sit_in_both_seats_and_answer_as_they_do_alone(kind: str) -> No
         np.testing.assert_allclose(together[4 * k : 4 * k + 4], alone, atol=1e-3)
 
 
-def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize("save_every_s", [0, 60])  # after each iteration, or not before the interruption
+def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path, save_every_s: float) -> None:
     settings = run_settings(SHORT, RING, 5, [])
     whole, parts = RunFolder(tmp_path / "whole", settings), RunFolder(tmp_path / "parts", settings)
     train(PpoTrainer(SHORT, RING, 5), whole)
@@ -139,9 +140,10 @@ def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path)
             raise Interrupted
 
     with pytest.raises(Interrupted):
-        train(PpoTrainer(SHORT, RING, 5), parts, interrupt, save_every_s=0)
+        train(PpoTrainer(SHORT, RING, 5), parts, interrupt, save_every_s)
     train(PpoTrainer(SHORT, RING, 5), RunFolder(tmp_path / "parts", settings))
     assert [line["timesteps"] for line in parts.metrics()] == [line["timesteps"] for line in whole.metrics()]
+    assert [reward for _, reward, _ in parts.snapshots()] == [reward for _, reward, _ in whole.snapshots()]
     ours, theirs = whole.snapshots()[-1][2], parts.snapshots()[-1][2]
     networks = [snapshot_network(path, SHORT, RING)[0].state_dict() for path in (ours, theirs)]
     for name, tensor in networks[0].items():
