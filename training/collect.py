@@ -127,6 +127,20 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
+def games_of_agent(folder: Path, layout: Layout, target: Target) -> dict[str, Any]:
+    """Read the manifest of games that this agent played in this kitchen. Raises ValueError if they are others,
+    FileNotFoundError if there are none."""
+    manifest = read_manifest(folder)
+    if manifest["grid"] != layout.text:
+        raise ValueError(
+            f"{folder}: holds games of another kitchen ({manifest['layout']}) than {layout.name}. Give its --layout, "
+            "or collect games here first."
+        )
+    if manifest["target"]["sha256"] != target.sha256:
+        raise ValueError(f"{folder}: was collected with another agent than {target.name}. Collect its games first.")
+    return manifest
+
+
 def read_shard(folder: Path, name: str, sha256: str) -> Shard:
     """Read one partner's games. Raises ValueError if the bytes are not those of the manifest."""
     file = folder / f"{name}.safetensors"

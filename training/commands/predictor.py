@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     from models.agents.own_checkpoints import name_in_study
     from models.networks.checkpoint import load_checkpoint
     from overcooked.layout import load_layout
-    from training.collect import TEST, read_manifest
+    from training.collect import TEST, games_of_agent
     from training.commands.intentions import add_with_progress
     from training.dataset import load_episodes
     from training.population import load_target
@@ -89,9 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     layout = load_layout(arguments.layout)
     target = load_target(arguments.agent, layout)
     games = arguments.games or arguments.runs / "games" / f"{layout.name}_{target.name}"
-    collected = read_manifest(games)
-    if collected["target"]["sha256"] != target.sha256:
-        raise ValueError(f"{games}: was collected with another agent than {arguments.agent}. Collect its games first.")
+    collected = games_of_agent(games, layout, target)
     settings = {**asdict(network), **training.stored()}
     print("\n".join(f"{name} = {value}" for name, value in settings.items()))
     name = f"{target.name}_predictor_{arguments.form}"
