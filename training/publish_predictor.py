@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from models.agents.catalogue import WEIGHTS, load_agent
+from models.agents.checked_policy import CheckedPolicy
 from models.networks.predictor import PredictorNetwork, save_predictor
 from overcooked.layout import Layout
 from training.collect import TEST, TRAIN, VALIDATION, CollectionPlan, Partner, Target, games_with, split_by_agent
@@ -47,7 +48,8 @@ def unseen_partners(layout: Layout, population: Path | Sequence[Partner], partne
     """Return the test partners of a population (a folder, or the partners themselves), or one other agent in the mode
     of studies."""
     if partner is not None:
-        return [Partner(partner, partner, "extra", *load_agent(partner, layout))]
+        policy, mode = load_agent(partner, layout)
+        return [Partner(partner, partner, "extra", CheckedPolicy(policy, partner), mode)]
     return partners_in(TEST, layout, population)
 
 

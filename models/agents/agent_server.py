@@ -18,6 +18,7 @@ import numpy as np
 
 from models.acting import distribution
 from models.agents.catalogue import LoadedAgent, load_agent
+from models.agents.checked_policy import explained
 from models.agents.given_agents import GivenAgent, loader_of
 from models.inference.checked_output import checked_probabilities
 from models.protocols import Observations
@@ -151,7 +152,7 @@ def _handler(agents: AgentServer) -> type[BaseHTTPRequestHandler]:
             except BadQuestion as error:
                 self._send(HTTPStatus.BAD_REQUEST, _error(str(error)))
             except Exception as error:  # noqa: BLE001 somebody's agent may raise anything
-                sys.stderr.write(f"the agent failed: {type(error).__name__}: {error}\n")
+                sys.stderr.write(f"the agent failed: {explained(error)}\n")
                 self._send(HTTPStatus.INTERNAL_SERVER_ERROR, _error(f"the agent failed: {error}"))
             else:
                 self._send(HTTPStatus.OK, answer)
