@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from models.acting import GREEDY, SAMPLED, Stuck, distribution, draw
 from models.protocols import Mode, Policy, Probabilities
@@ -107,7 +107,7 @@ def collect(
     for number, partner in enumerate(partners):
         file = folder / f"{partner.name}.safetensors"
         if done.get(partner.name, {}).get("sha256") != _digest(file):
-            save_file(games_with(layout, target, partner, plan), file)
+            file.write_bytes(save(games_with(layout, target, partner, plan)))  # a full disk is an OSError
         done[partner.name] = {
             "agent": partner.agent, "kind": partner.kind, "split": split[partner.agent], "sha256": _digest(file)
         }  # fmt: skip

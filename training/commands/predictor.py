@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Return 0 if a predictor was written (also if its time was up first: the same command continues), 1 if it was
     interrupted. Raises ValueError or OSError for wrong input."""
     from models.agents.own_checkpoints import name_in_study
-    from models.networks.checkpoint import load_checkpoint
+    from models.networks.checkpoint import load_checkpoint, refuse_other_content
     from overcooked.layout import load_layout
     from training.collect import TEST, games_of_agent
     from training.commands.intentions import add_with_progress
@@ -86,6 +86,8 @@ def run(arguments: argparse.Namespace) -> int:
     from training.train_predictor import prepared
 
     network, training = _chosen_settings(arguments)
+    if arguments.out is not None:
+        refuse_other_content(arguments.out)
     layout = load_layout(arguments.layout)
     target = load_target(arguments.agent, layout)
     games = arguments.games or arguments.runs / "games" / f"{layout.name}_{target.name}"
