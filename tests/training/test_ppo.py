@@ -150,6 +150,19 @@ def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path,
         assert torch.equal(tensor, networks[1][name]), name
 
 
+def test_training_that_diverges_stops_with_a_remedy(tmp_path: Path) -> None:
+    config = SHORT.changed({"learning_rate": 1e30}, "test")
+    with pytest.raises(RunError, match=r"training diverged at .* use a smaller learning_rate"):
+        train(PpoTrainer(config, RING, 5), RunFolder(tmp_path / "run", run_settings(config, RING, 5, [])))
+
+
+def test_a_last_minibatch_of_one_sample_does_not_make_the_network_nan() -> None:
+    config = SHORT.changed({"num_envs": 1, "num_steps": 2, "minibatch_size": 3}, "test")  # 4 samples
+    trainer = PpoTrainer(config, RING, 5)
+    assert np.isfinite(trainer.iteration()["value_loss"])
+    assert all(tensor.isfinite().all() for tensor in trainer.network.state_dict().values())
+
+
 def test_a_run_folder_refuses_another_run(tmp_path: Path) -> None:
     RunFolder(tmp_path / "run", run_settings(SHORT, RING, 1, []))
     with pytest.raises(RunError, match="other settings"):
