@@ -31,8 +31,6 @@ _SAY_WHAT_TO_DO = (
     CheckpointError,
     UnknownAgent,
     UnknownPredictor,
-    LayoutError,
-    FileNotFoundError,
 )
 
 
@@ -73,17 +71,12 @@ def run(arguments: argparse.Namespace) -> int:
         return agent_server.run(arguments)
     try:
         layout = load_layout(arguments.layout)
-        print(f"{arguments.name} on {layout.name} ({layout.width} x {layout.height})")
-        if arguments.predictor:
-            finding = check_predictor(load_predictor(arguments.name, layout), layout)
-        else:
-            policy, mode = load_agent(arguments.name, layout)
-            finding = check_policy(policy, mode, layout)
-            _say("acts", f"temperature {mode.temperature:g}, {mode.stuck_mix:.0%} moves after {mode.stuck_after} stuck")
-            points = points_with_itself(policy, mode, layout)
-            _say("with itself", f"{points} points in {HORIZON} timesteps")
-            if points == 0:
-                _warn(f"it delivers no soup in self-play in {HORIZON} timesteps. Was it trained for {layout.name}?")
+    except (LayoutError, OSError) as error:
+        print(f"kitchenmind agent check: {error}", file=sys.stderr)
+        return 2
+    print(f"{arguments.name} on {layout.name} ({layout.width} x {layout.height})")
+    try:
+        finding = _found(arguments, layout)
     except NotFit as wrong:
         print(f"kitchenmind agent check: {arguments.name} does not fit {arguments.layout}: {wrong}", file=sys.stderr)
         return 1
@@ -91,6 +84,25 @@ def run(arguments: argparse.Namespace) -> int:
         reason = str(error) if isinstance(error, _SAY_WHAT_TO_DO) else f"{explained(error)}. Correct its code."
         print(f"kitchenmind agent check: {arguments.name} cannot be used: {reason}", file=sys.stderr)
         return 2
+    return _reported(arguments, finding)
+
+
+def _found(arguments: argparse.Namespace, layout: Layout) -> AgentFinding:
+    """Load the model and try it, an agent also with itself. Raises NotFit, and whatever the model raises."""
+    if arguments.predictor:
+        return check_predictor(load_predictor(arguments.name, layout), layout)
+    policy, mode = load_agent(arguments.name, layout)
+    finding = check_policy(policy, mode, layout)
+    _say("acts", f"temperature {mode.temperature:g}, {mode.stuck_mix:.0%} moves after {mode.stuck_after} stuck")
+    points = points_with_itself(policy, mode, layout)
+    _say("with itself", f"{points} points in {HORIZON} timesteps")
+    if points == 0:
+        _warn(f"it delivers no soup in self-play in {HORIZON} timesteps. Was it trained for {layout.name}?")
+    return finding
+
+
+def _reported(arguments: argparse.Namespace, finding: AgentFinding) -> int:
+    """Print what was measured; return the exit status."""
     _say("one game", f"{finding.median_ms:.2f} ms, at most {finding.slowest_ms:.2f} ms")
     _say("32 games", f"{finding.batch_ms:.2f} ms")
     _say("deterministic", "yes" if finding.deterministic else "no: the same question has different answers")

@@ -290,6 +290,15 @@ def test_agent_check_refuses_what_does_not_fit(capsys):
     assert "Known: planner" in err
 
 
+def test_a_path_that_is_not_there_is_named_from_the_root(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # as from another folder than the one that the path begins in
+    for name, said in (("./mine", f"there is no folder {tmp_path}/mine. "), ("a.onnx", f"no file {tmp_path}/a.onnx. ")):
+        status, _, err = checked(capsys, name)
+        assert (status, said in err) == (2, True)
+    assert kitchenmind.main(["agent", "check", "planner", "--layout", "nook.layout"]) == 2
+    assert f"check: there is no layout 'nook.layout' in {tmp_path}. Known: " in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "kind",
     [TensorProto.FLOAT16, TensorProto.UINT8, TensorProto.INT16, TensorProto.INT64, TensorProto.UINT64],
