@@ -49,7 +49,7 @@ def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Part
     are none, or one is for another kitchen."""
     partners = []
     folders = [folders] if isinstance(folders, Path) else folders
-    for config in sorted(config for folder in folders for config in folder.glob("**/config.json")):
+    for config in sorted(config for folder in folders for config in folder.resolve().glob("**/config.json")):
         checkpoint = load_checkpoint(config.parent)
         member = _MEMBER.match(str(checkpoint.config.get("agent", "")))
         if member is None or "population" not in str(config):

@@ -1,6 +1,7 @@
 """Collected games: the pairs of agents, the stored arrays, and the predictor's inputs from them."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -221,6 +222,15 @@ def test_a_population_on_disk_is_found_by_the_names_of_its_agents(tmp_path):
     assert isinstance(population[0].policy, NetworkPolicy)
 
 
+def test_a_population_is_found_from_inside_its_folder(tmp_path, monkeypatch):
+    config = NetworkConfig(hidden=(4,))
+    folder = tmp_path / "population"
+    for name in ("sp_1_100", "sp_2_100"):
+        save_agent(folder / name, build_network(config, RING), config, RING, Mode(), "A card.", agent=name)
+    monkeypatch.chdir(folder)
+    assert [partner.name for partner in load_population(Path(), RING)] == ["sp_1_100", "sp_2_100"]
+
+
 def test_an_empty_population_names_the_remedy(tmp_path):
     with pytest.raises(ValueError, match="kitchenmind train study"):
         load_population(tmp_path, RING)
@@ -235,7 +245,7 @@ def test_more_agents_can_be_trained_on_and_are_never_tested_on(tmp_path):
     split = split_by_agent([*population, extra])
     assert (extra.name, split[extra.agent]) == ("extra_sp_4_20", "train")
     assert split["sp_4"] == "test"
-    with pytest.raises(ValueError, match="no agent"):
+    with pytest.raises(ValueError, match="there is no folder"):
         load_extras({"nobody": tmp_path / "nobody"}, RING)
 
 
