@@ -75,6 +75,14 @@ def test_the_target_acts_by_the_distribution_that_is_written_down(games):
     assert (games["law"].max(-1)[free] == 1).all()
 
 
+def test_the_second_episode_of_a_trajectory_begins_with_chefs_that_are_not_stuck():
+    agent = load_agent("stay", RING)
+    still = Partner("sp_1_100", "sp_1", "sp", agent.policy)
+    stuck = games_with(RING, Target("stay", *agent), still, CollectionPlan(1, 410))["stuck"]
+    assert (stuck[:, 399:402, 0] == [399, 0, 1]).all()
+    assert (stuck[:, 400] == 0).all()
+
+
 def test_the_same_seed_gives_the_same_games(games):
     again = games_with(RING, planner(), uniform("sp_1_100"), SMALL)
     other = games_with(RING, planner(), uniform("sp_1_100"), CollectionPlan(1, 60, seed=1))
