@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from models.agents.catalogue import WEIGHTS, load_agent
+from models.agents.catalogue import WEIGHTS, agent_sha256, load_agent
 from models.agents.checked_policy import CheckedPolicy
 from models.networks.predictor import PredictorNetwork, save_predictor
 from overcooked.layout import Layout
@@ -23,6 +23,16 @@ HOW = "| how | |"
 def predictor_folder(layout: Layout, agent: str, form: str) -> Path:
     """Return the folder of a bundled predictor."""
     return WEIGHTS / layout.name / f"{agent}_predictor_{form}"
+
+
+def refuse_other_agents_place(layout: Layout, target: Target) -> None:
+    """Raise ValueError if the predictors of this agent would replace those of a bundled agent that has its name."""
+    bundled = WEIGHTS / layout.name / target.name
+    if bundled.is_dir() and agent_sha256(target.name, layout) != target.sha256:
+        raise ValueError(
+            f"--publish: {layout.name} has a bundled agent {target.name!r}, whose predictors would be replaced by "
+            "those of yours. Give your agent's file or folder another name, or give --out FOLDER instead."
+        )
 
 
 def population_folder(layout: Layout) -> Path:

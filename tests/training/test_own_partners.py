@@ -83,6 +83,15 @@ def test_games_of_another_kitchen_or_agent_are_refused(
     assert "was collected with another agent than stay" in capsys.readouterr().err
 
 
+def test_predictors_of_a_bundled_agent_are_not_replaced_by_those_of_another_with_its_name(
+    lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(WEIGHTS / "coordination_ring" / "fcp", tmp_path / "sp")  # somebody's own agent, also called sp
+    words = ["train", "predictor", "--layout", "coordination_ring", "--agent", str(tmp_path / "sp"), "--publish"]
+    assert kitchenmind.main([*words, "--games", str(lab / "games"), "--runs", str(tmp_path / "runs"), *SMALL]) == 2
+    assert "--publish: coordination_ring has a bundled agent 'sp', whose predictors" in capsys.readouterr().err
+
+
 def test_a_predictor_is_written_when_the_time_is_up_and_the_same_command_continues(
     lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
