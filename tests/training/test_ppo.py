@@ -150,6 +150,14 @@ def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path,
         assert torch.equal(tensor, networks[1][name]), name
 
 
+def test_a_run_keeps_its_snapshots_evenly_and_its_learning_rate_falls_linearly(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run", run_settings(SHORT, RING, 5, []))
+    train(PpoTrainer(SHORT, RING, 5), folder)  # 8 iterations of 800 timesteps
+    assert [timesteps for timesteps, _, _ in folder.snapshots()] == [1600, 3200, 4800, 6400]
+    rates = [line["learning_rate"] for line in folder.metrics()]
+    np.testing.assert_allclose(rates, 0.001 * (1 - 0.9 * np.arange(8) / 8), atol=1e-6)
+
+
 def test_training_that_diverges_stops_with_a_remedy(tmp_path: Path) -> None:
     config = SHORT.changed({"learning_rate": 1e30}, "test")
     with pytest.raises(RunError, match=r"training diverged at .* use a smaller learning_rate"):
