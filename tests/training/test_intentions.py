@@ -181,6 +181,7 @@ def test_a_decoder_learns_what_comes_and_when_and_is_calibrated():
     assert calibration_error(said.amax(-1).numpy(), right.numpy()) < 0.05
     done = test.classes > 0
     assert (when - test.steps)[done].abs().float().mean() < 2
+    assert abs((when - test.steps)[done].float().mean()) < 0.5
     assert network.intentions is None
 
 

@@ -158,6 +158,17 @@ def test_a_run_keeps_its_snapshots_evenly_and_its_learning_rate_falls_linearly(t
     np.testing.assert_allclose(rates, 0.001 * (1 - 0.9 * np.arange(8) / 8), atol=1e-6)
 
 
+def test_the_shaped_reward_of_a_useful_dish_is_the_one_in_the_settings() -> None:
+    rewards = {}
+    for dish in (3.0, 1.0):
+        config = SHORT.changed({"dish_shaping": dish, "random_starts": 1.0, "reward_scale": 1.0}, "test")
+        trainer = PpoTrainer(config, RING, 5)
+        trainer.iteration()
+        rewards[dish] = trainer.rewards
+    fewer = rewards[3.0] - rewards[1.0]  # the same seed: the same first rollout
+    assert set(np.unique(fewer)) == {0.0, 2.0}
+
+
 def test_training_that_diverges_stops_with_a_remedy(tmp_path: Path) -> None:
     config = SHORT.changed({"learning_rate": 1e30}, "test")
     with pytest.raises(RunError, match=r"training diverged at .* use a smaller learning_rate"):
