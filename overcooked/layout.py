@@ -72,8 +72,9 @@ def load_layout(name_or_path: str | Path) -> Layout:
         path = LAYOUT_FOLDER / f"{bundled_name(str(name_or_path))}.layout"
     if not path.is_file():
         known = ", ".join(layout_names())
+        place = f" in {path.absolute().parent}" if path.parent != LAYOUT_FOLDER else ""
         raise FileNotFoundError(
-            f"there is no layout {str(name_or_path)!r}. Known: {known}; or give the path of a .layout file."
+            f"there is no layout {str(name_or_path)!r}{place}. Known: {known}; or give the path of a .layout file."
         )
     return parse_layout(read_text(path), name=path.stem, source=str(name_or_path))
 

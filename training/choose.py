@@ -9,6 +9,7 @@ from typing import Any
 import torch
 
 from models.agents.catalogue import KINDS, TRAINED, WEIGHTS, agent_set, load_agent, our_agent
+from models.agents.checked_policy import CheckedPolicy
 from models.networks.policy import NetworkPolicy, load_network
 from models.protocols import Policy
 from overcooked.constants import HORIZON
@@ -111,7 +112,8 @@ def evaluate_with(
     `load_agent` raises."""
     torch.set_num_threads(1)
     present = [name for name in names if (WEIGHTS / layout.name / name).is_dir()]
-    other = EvaluatedAgent(*load_agent(partner, layout))
+    policy, mode = load_agent(partner, layout)
+    other = EvaluatedAgent(CheckedPolicy(policy, partner), mode)
     players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
     return [
         measured_with(layout, name, player, partner, other, (episodes, timesteps)) | agent_set(name, layout.name)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from models.acting import GREEDY, SAMPLED, Stuck, distribution, draw
 from models.protocols import Mode, Policy, Probabilities
@@ -107,7 +107,7 @@ def collect(
     for number, partner in enumerate(partners):
         file = folder / f"{partner.name}.safetensors"
         if done.get(partner.name, {}).get("sha256") != _digest(file):
-            save_file(games_with(layout, target, partner, plan), file)
+            file.write_bytes(save(games_with(layout, target, partner, plan)))  # a full disk is an OSError
         done[partner.name] = {
             "agent": partner.agent, "kind": partner.kind, "split": split[partner.agent], "sha256": _digest(file)
         }  # fmt: skip
@@ -124,6 +124,20 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no games were collected here. Run kitchenmind collect first.")
     manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return manifest
+
+
+def games_of_agent(folder: Path, layout: Layout, target: Target) -> dict[str, Any]:
+    """Read the manifest of games that this agent played in this kitchen. Raises ValueError if they are others,
+    FileNotFoundError if there are none."""
+    manifest = read_manifest(folder)
+    if manifest["grid"] != layout.text:
+        raise ValueError(
+            f"{folder}: holds games of another kitchen ({manifest['layout']}) than {layout.name}. Give its --layout, "
+            "or collect games here first."
+        )
+    if manifest["target"]["sha256"] != target.sha256:
+        raise ValueError(f"{folder}: was collected with another agent than {target.name}. Collect its games first.")
     return manifest
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from models.agents.observation_parser import ParsedObservation, parse_observation
 from models.agents.planner import next_walk
-from overcooked.constants import COOKING, DISH, HELD, ITEM_NAMES, NOTHING, ONION, PLAYERS, READY
+from overcooked.constants import COOKING, DISH, HELD, NOTHING, ONION, PLAYERS, READY
 from overcooked.interactions import NO_INTERACTION, InteractionKind, PossibleInteraction, possible_interactions
 from overcooked.layout import Layout
 from overcooked.state import Kitchens
@@ -62,18 +62,25 @@ class FrequentNext:
 
     def __init__(self, shards: Sequence[Shard], layout: Layout) -> None:
         self._layout = layout
-        states = len(ITEM_NAMES) * _POT_STATES ** len(layout.pots)
-        counts = np.zeros((states, len(possible_interactions(layout))), np.int64)
+        keys, classes = [], []
         for shard in shards:
-            classes = labels_of(shard, layout).classes
-            keys = self._keys(shard).reshape(classes.shape)
-            np.add.at(counts, (keys[classes != UNKNOWN], classes[classes != UNKNOWN]), 1)
-        counts[counts.sum(1) == 0] = counts.sum(0)  # never seen in training: the most frequent of all
+            labels = labels_of(shard, layout).classes
+            known = labels != UNKNOWN
+            keys.append(self._keys(shard).reshape(labels.shape)[known])
+            classes.append(labels[known])
+        # only the states that occurred: all of them are too many for the memory in a kitchen with eight pots
+        self._seen, row = np.unique(np.concatenate(keys), return_inverse=True)
+        counts = np.zeros((len(self._seen) + 1, len(possible_interactions(layout))), np.int64)
+        np.add.at(counts, (row, np.concatenate(classes)), 1)
+        counts[-1] = counts.sum(0)  # for states never seen in training: the most frequent of all
         self._most: NDArray[np.int64] = counts.argmax(1)
 
     def __call__(self, shard: Shard) -> NDArray[np.int64]:
         """(G, T): places in `possible_interactions(layout)`."""
-        return self._most[self._keys(shard)]
+        keys = self._keys(shard)
+        row = np.searchsorted(self._seen, keys)
+        is_seen = np.append(self._seen, -1)[row] == keys
+        return self._most[np.where(is_seen, row, len(self._seen))]
 
     def _keys(self, shard: Shard) -> NDArray[np.int64]:
         games, timesteps = shard["timestep"].shape

@@ -10,6 +10,7 @@ import numpy as np
 
 from models.acting import GREEDY, SAMPLED, distribution
 from models.agents.catalogue import agent_sha256, load_agent
+from models.agents.checked_policy import CheckedPolicy
 from models.networks.checkpoint import CheckpointError, load_checkpoint
 from models.networks.policy import NetworkPolicy, network_of
 from models.protocols import Observations, Policy, Probabilities
@@ -40,7 +41,7 @@ def load_target(name: str, layout: Layout) -> Target:
     `kitchen_Cook` for kitchen:Cook. Raises what `load_agent` raises."""
     agent = load_agent(name, layout)
     short = re.sub(r"[^A-Za-z0-9]+", "_", Path(name).name.removesuffix(".onnx")).strip("_")
-    return Target(short, agent.policy, agent.mode, agent_sha256(name, layout))
+    return Target(short, CheckedPolicy(agent.policy, name), agent.mode, agent_sha256(name, layout))
 
 
 def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Partner]:
@@ -48,7 +49,7 @@ def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Part
     are none, or one is for another kitchen."""
     partners = []
     folders = [folders] if isinstance(folders, Path) else folders
-    for config in sorted(config for folder in folders for config in folder.glob("**/config.json")):
+    for config in sorted(config for folder in folders for config in folder.resolve().glob("**/config.json")):
         checkpoint = load_checkpoint(config.parent)
         member = _MEMBER.match(str(checkpoint.config.get("agent", "")))
         if member is None or "population" not in str(config):
@@ -76,7 +77,8 @@ def load_partner_folder(folder: Path, layout: Layout) -> list[Partner]:
         name = re.sub(r"[^A-Za-z0-9]+", "_", "_".join(parts).removesuffix(".onnx")).strip("_")
         member = _MEMBER.match(name)
         agent = f"{member['kind']}_{member['seed']}" if member else name
-        partners.append(Partner(name, agent, "partner", load_agent(str(place.absolute()), layout).policy))
+        policy = CheckedPolicy(load_agent(str(place.absolute()), layout).policy, str(place))
+        partners.append(Partner(name, agent, "partner", policy))
     agents = sorted({partner.agent for partner in partners})
     if len(agents) < MIN_PARTNERS:
         found = f"{len(agents)} agents ({', '.join(agents)})" if agents else "no agents"
@@ -112,7 +114,8 @@ def load_extras(folders: Mapping[str, Path], layout: Layout) -> list[Partner]:
     extras = []
     for name, folder in folders.items():
         policy, mode = load_agent(str(folder.resolve()), layout)
-        extras.append(Partner(f"extra_{name}", "extra", "extra", policy, mode if mode.temperature > 0 else None))
+        checked = CheckedPolicy(policy, str(folder))
+        extras.append(Partner(f"extra_{name}", "extra", "extra", checked, mode if mode.temperature > 0 else None))
     return extras
 
 

@@ -8,6 +8,7 @@ Schulman et al. 2017; shaping as in Carroll et al. 2019: each chef's own shaped 
 """
 
 import json
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -31,7 +32,7 @@ from training.imitation import imitate
 from training.partners import PartnerPool
 from training.ppo_loss import ppo_loss
 from training.rollout_buffer import Entries, draw, draw_only, gather
-from training.runlog import RunFolder
+from training.runlog import RunError, RunFolder
 from training.threaded_env import threaded_env, threads_for
 
 Progress = Callable[[int, dict[str, float]], None]  # timesteps done, newest metrics
@@ -157,6 +158,8 @@ class PpoTrainer:
         for _ in range(config.update_epochs):
             order = torch.from_numpy(random.permutation(len(actions))).to(device)
             for chosen in torch.split(order, config.minibatch_size):
+                if len(chosen) == 1:  # the last one: its advantage alone has no deviation to be normalised by
+                    continue
                 logits, values = self.fast(entries.index_select(0, chosen))
                 loss, parts = loss_of(
                     logits,
@@ -203,7 +206,8 @@ class PpoTrainer:
 
 
 def train(trainer: PpoTrainer, folder: RunFolder, progress: Progress | None = None, save_every_s: float = 60) -> None:
-    """Train to the end of the config, continuing from the folder's state. Snapshots go to the folder."""
+    """Train to the end of the config, continuing from the folder's state. Snapshots go to the folder. Raises RunError
+    if training diverges."""
     config = trainer.config
     state = folder.load()
     if state is not None:
@@ -215,6 +219,11 @@ def train(trainer: PpoTrainer, folder: RunFolder, progress: Progress | None = No
     while trainer.timesteps < config.total_timesteps:
         kept_before = trainer.timesteps * config.snapshots // config.total_timesteps
         metrics = trainer.iteration()
+        if not math.isfinite(metrics["policy_loss"] + metrics["value_loss"]):
+            raise RunError(
+                f"{folder.path}: training diverged at {trainer.timesteps:,} timesteps (the loss is not finite). Remove "
+                "the folder and use a smaller learning_rate or reward_scale."
+            )
         if "reward" in metrics:  # episodes end rarely: a running mean over about ten iterations
             reward = metrics["reward"] if reward is None else 0.8 * reward + 0.2 * metrics["reward"]
         metrics["mean_reward"] = reward or 0.0

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from models.agents.catalogue import WEIGHTS, load_agent
+from models.agents.catalogue import WEIGHTS, agent_sha256, load_agent
+from models.agents.checked_policy import CheckedPolicy
 from models.networks.predictor import PredictorNetwork, save_predictor
 from overcooked.layout import Layout
 from training.collect import TEST, TRAIN, VALIDATION, CollectionPlan, Partner, Target, games_with, split_by_agent
@@ -22,6 +23,16 @@ HOW = "| how | |"
 def predictor_folder(layout: Layout, agent: str, form: str) -> Path:
     """Return the folder of a bundled predictor."""
     return WEIGHTS / layout.name / f"{agent}_predictor_{form}"
+
+
+def refuse_other_agents_place(layout: Layout, target: Target) -> None:
+    """Raise ValueError if the predictors of this agent would replace those of a bundled agent that has its name."""
+    bundled = WEIGHTS / layout.name / target.name
+    if bundled.is_dir() and agent_sha256(target.name, layout) != target.sha256:
+        raise ValueError(
+            f"--publish: {layout.name} has a bundled agent {target.name!r}, whose predictors would be replaced by "
+            "those of yours. Give your agent's file or folder another name, or give --out FOLDER instead."
+        )
 
 
 def population_folder(layout: Layout) -> Path:
@@ -47,7 +58,8 @@ def unseen_partners(layout: Layout, population: Path | Sequence[Partner], partne
     """Return the test partners of a population (a folder, or the partners themselves), or one other agent in the mode
     of studies."""
     if partner is not None:
-        return [Partner(partner, partner, "extra", *load_agent(partner, layout))]
+        policy, mode = load_agent(partner, layout)
+        return [Partner(partner, partner, "extra", CheckedPolicy(policy, partner), mode)]
     return partners_in(TEST, layout, population)
 
 

@@ -41,13 +41,18 @@ class RunFolder:
         again."""
         path = self.path / "state.safetensors"
         if not path.is_file():
+            self._keep_metrics(0)  # of a run that was interrupted before its first state
             return None
         with safe_open(path, framework="pt") as file:
             numbers = json.loads(file.metadata()["numbers"])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
-        kept = [line for line in self.metrics() if line["timesteps"] <= numbers["timesteps"]]
-        _replace(self.path / "metrics.jsonl", "".join(json.dumps(line) + "\n" for line in kept).encode())
+        self._keep_metrics(numbers["timesteps"])
         return tensors, numbers
+
+    def _keep_metrics(self, timesteps: int) -> None:
+        """Drop the metrics after this timestep."""
+        kept = [line for line in self.metrics() if line["timesteps"] <= timesteps]
+        _replace(self.path / "metrics.jsonl", "".join(json.dumps(line) + "\n" for line in kept).encode())
 
     def save(self, tensors: Mapping[str, torch.Tensor], numbers: Mapping[str, Any]) -> None:
         """Replace the state; `numbers` must hold `timesteps`."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from models.acting import distribution
 from models.agents.catalogue import LoadedAgent, load_agent
+from models.agents.checked_policy import CheckedPolicy, explained
 from models.agents.given_agents import GivenAgent, loader_of
 from models.inference.checked_output import checked_probabilities
 from models.protocols import Observations
@@ -151,7 +152,7 @@ def _handler(agents: AgentServer) -> type[BaseHTTPRequestHandler]:
             except BadQuestion as error:
                 self._send(HTTPStatus.BAD_REQUEST, _error(str(error)))
             except Exception as error:  # noqa: BLE001 somebody's agent may raise anything
-                sys.stderr.write(f"the agent failed: {type(error).__name__}: {error}\n")
+                sys.stderr.write(f"the agent failed: {explained(error)}\n")
                 self._send(HTTPStatus.INTERNAL_SERVER_ERROR, _error(f"the agent failed: {error}"))
             else:
                 self._send(HTTPStatus.OK, answer)
@@ -197,11 +198,16 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         layout = load_layout(arguments.layout)
         policy, _ = load_agent(arguments.name, layout)
-        first = Kitchens.start(layout).encode()[:, 0].copy()
-        checked_probabilities(policy.probabilities(first), 1)
-        server = AgentServer(loader_of(arguments.name), arguments.host, arguments.port)
-    except Exception as error:  # noqa: BLE001 somebody else's model may raise anything
+        CheckedPolicy(policy, arguments.name).probabilities(Kitchens.start(layout).encode()[:, 0].copy())
+    except (ValueError, OSError) as error:  # ours, which name the remedy
         print(f"kitchenmind agent serve: {arguments.name} cannot be served: {error}", file=sys.stderr)
+        return 2
+    try:
+        server = AgentServer(loader_of(arguments.name), arguments.host, arguments.port)
+    except OSError as error:
+        place = f"{arguments.host}:{arguments.port}"
+        remedy = "Give another --port (0 takes a free one) or another --host."
+        print(f"kitchenmind agent serve: {place}: {error.strerror}. {remedy}", file=sys.stderr)
         return 2
     with server:
         print(f"{arguments.name} answers at {server.url}  (stop with Ctrl+C)", flush=True)

@@ -105,6 +105,8 @@ def agent_folder(name: str, layout: Layout) -> Path:
     bundled = WEIGHTS / layout.name / name
     folder = Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
     if not folder.is_dir():
+        if "/" in name:
+            raise UnknownAgent(f"there is no folder {folder.absolute()}. Give a folder that `kitchenmind train` wrote.")
         known = ", ".join(agent_names(layout.name))
         raise UnknownAgent(f"no agent {name!r} for {layout.name}. Known: {known}; or give a checkpoint folder.")
     return folder

@@ -13,16 +13,25 @@ from numpy.typing import NDArray
 
 from models.acting import Stuck, distribution, draw
 from models.agents import agent_server
-from models.agents.catalogue import load_agent
-from models.agents.predictors import load_predictor
-from models.protocols import STEPS, Mode, Observations, Policy, Predictor
+from models.agents.catalogue import UnknownAgent, load_agent
+from models.agents.checked_policy import explained
+from models.agents.predictors import UnknownPredictor, load_predictor
+from models.networks.checkpoint import CheckpointError
+from models.protocols import STEPS, BlackBoxError, Mode, Observations, Policy, Predictor
 from overcooked.constants import ACTIONS, HORIZON, PLAYERS
-from overcooked.layout import Layout, load_layout
+from overcooked.layout import Layout, LayoutError, load_layout
 from overcooked.score import sparse_reward
 from overcooked.state import Kitchens
 
 DEADLINE_MS = 120.0  # of a tick, unless the study says otherwise
 ROWS_SUM_TO_ONE = 1e-2  # within this
+# Errors of our own: they name place and remedy.
+_SAY_WHAT_TO_DO = (
+    BlackBoxError,
+    CheckpointError,
+    UnknownAgent,
+    UnknownPredictor,
+)
 
 
 class NotFit(ValueError):
@@ -62,23 +71,38 @@ def run(arguments: argparse.Namespace) -> int:
         return agent_server.run(arguments)
     try:
         layout = load_layout(arguments.layout)
-        print(f"{arguments.name} on {layout.name} ({layout.width} x {layout.height})")
-        if arguments.predictor:
-            finding = check_predictor(load_predictor(arguments.name, layout), layout)
-        else:
-            policy, mode = load_agent(arguments.name, layout)
-            finding = check_policy(policy, mode, layout)
-            _say("acts", f"temperature {mode.temperature:g}, {mode.stuck_mix:.0%} moves after {mode.stuck_after} stuck")
-            points = points_with_itself(policy, mode, layout)
-            _say("with itself", f"{points} points in {HORIZON} timesteps")
-            if points == 0:
-                _warn(f"it delivers no soup in self-play in {HORIZON} timesteps. Was it trained for {layout.name}?")
+    except (LayoutError, OSError) as error:
+        print(f"kitchenmind agent check: {error}", file=sys.stderr)
+        return 2
+    print(f"{arguments.name} on {layout.name} ({layout.width} x {layout.height})")
+    try:
+        finding = _found(arguments, layout)
     except NotFit as wrong:
         print(f"kitchenmind agent check: {arguments.name} does not fit {arguments.layout}: {wrong}", file=sys.stderr)
         return 1
     except Exception as error:  # noqa: BLE001 somebody else's model may raise anything
-        print(f"kitchenmind agent check: {arguments.name} cannot be used: {error}", file=sys.stderr)
+        reason = str(error) if isinstance(error, _SAY_WHAT_TO_DO) else f"{explained(error)}. Correct its code."
+        print(f"kitchenmind agent check: {arguments.name} cannot be used: {reason}", file=sys.stderr)
         return 2
+    return _reported(arguments, finding)
+
+
+def _found(arguments: argparse.Namespace, layout: Layout) -> AgentFinding:
+    """Load the model and try it, an agent also with itself. Raises NotFit, and whatever the model raises."""
+    if arguments.predictor:
+        return check_predictor(load_predictor(arguments.name, layout), layout)
+    policy, mode = load_agent(arguments.name, layout)
+    finding = check_policy(policy, mode, layout)
+    _say("acts", f"temperature {mode.temperature:g}, {mode.stuck_mix:.0%} moves after {mode.stuck_after} stuck")
+    points = points_with_itself(policy, mode, layout)
+    _say("with itself", f"{points} points in {HORIZON} timesteps")
+    if points == 0:
+        _warn(f"it delivers no soup in self-play in {HORIZON} timesteps. Was it trained for {layout.name}?")
+    return finding
+
+
+def _reported(arguments: argparse.Namespace, finding: AgentFinding) -> int:
+    """Print what was measured; return the exit status."""
     _say("one game", f"{finding.median_ms:.2f} ms, at most {finding.slowest_ms:.2f} ms")
     _say("32 games", f"{finding.batch_ms:.2f} ms")
     _say("deterministic", "yes" if finding.deterministic else "no: the same question has different answers")
@@ -117,16 +141,15 @@ def check_predictor(predictor: Predictor, layout: Layout) -> AgentFinding:
 
 
 def points_with_itself(policy: Policy, mode: Mode, layout: Layout) -> int:
-    """Return the points of one episode of self-play, in the agent's mode."""
+    """Return the points of one episode of self-play, in the agent's mode. Raises NotFit, and whatever the agent
+    raises."""
     kitchens, events, draws = Kitchens.start(layout), np.zeros((1, PLAYERS), np.int32), np.random.default_rng(0)
     stuck = [Stuck(kitchens.players[:, seat]) for seat in range(PLAYERS)]
     points = 0
     for _ in range(HORIZON):
         seen = kitchens.encode()
-        actions = [
-            draw(distribution(policy.probabilities(seen[:, k].copy()), stuck[k].counts, mode), draws.random(1))
-            for k in range(PLAYERS)
-        ]
+        given = [_checked(policy.probabilities(seen[:, k].copy()), (1, ACTIONS)) for k in range(PLAYERS)]
+        actions = [draw(distribution(given[k], stuck[k].counts, mode), draws.random(1)) for k in range(PLAYERS)]
         kitchens.step(np.stack(actions, 1), events)
         for seat in range(PLAYERS):
             stuck[seat].update(kitchens.players[:, seat])

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from models.agents.blackbox import AS_IT_SAYS
+from models.agents.blackbox import mode_of
 from models.agents.catalogue import LoadedAgent, load_agent
 from models.protocols import Policy
 from overcooked.layout import Layout
@@ -14,7 +14,7 @@ GivenAgent = str | Policy | Callable[[Layout], Policy]
 def loader_of(agent: GivenAgent) -> Callable[[Layout], LoadedAgent]:
     """Return a function that loads the agent for a kitchen. `agent`: a name as in a study file, a class (or function)
     that is called with the layout, or an object with `probabilities(observations)`. Raises TypeError for something
-    else; what it returns raises TypeError, and whatever `load_agent` or the class raises."""
+    else; what it returns raises TypeError, BlackBoxError, and whatever `load_agent` or the class raises."""
     if isinstance(agent, str):
         return lambda layout: load_agent(agent, layout)
     is_ready = not isinstance(agent, type) and hasattr(agent, "probabilities")
@@ -25,7 +25,7 @@ def loader_of(agent: GivenAgent) -> Callable[[Layout], LoadedAgent]:
         policy: Any = agent if is_ready else agent(layout)  # type: ignore[operator]
         if not callable(getattr(policy, "probabilities", None)):
             raise TypeError(f"{name_of(agent)} has no method probabilities(observations).")
-        return LoadedAgent(policy, getattr(policy, "mode", AS_IT_SAYS))
+        return LoadedAgent(policy, mode_of(policy, name_of(agent)))
 
     return load
 

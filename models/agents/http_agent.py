@@ -17,10 +17,25 @@ from overcooked.layout import Layout
 TIMEOUT_S: Final = 2.0  # of one call, from connecting to the last byte
 MAX_ANSWER_BYTES: Final = 1_000_000  # 600 games need less than 100 kB
 
+_MAX_ERROR_BYTES: Final = 10_000  # of an answer with another status than 200
+_MAX_ERROR: Final = 200  # characters of its text
+
 
 class _Answer(msgspec.Struct):
     probabilities: list[list[float]] | None = None
     actions: list[int] | None = None
+
+
+class _Refusal(msgspec.Struct):
+    error: str = ""
+
+
+def _error_in(body: bytes) -> str:
+    """Return the text of {"error": text}, shortened, without its last full stop; "" for any other answer."""
+    try:
+        return msgspec.json.decode(body, type=_Refusal).error[:_MAX_ERROR].rstrip(".")
+    except (msgspec.DecodeError, RecursionError):
+        return ""
 
 
 class HttpAgent:
@@ -47,7 +62,8 @@ class HttpAgent:
             raise
         except (OSError, http.client.HTTPException, msgspec.DecodeError, RecursionError) as error:
             self._connection.close()
-            raise BlackBoxError(f"{self._url} does not answer as an agent should ({error}).") from error
+            remedy = "Check that it is running at this address."
+            raise BlackBoxError(f"{self._url} does not answer as an agent should ({error}). {remedy}") from error
 
     def close(self) -> None:
         """Close the connection; the next request opens a new one."""
@@ -63,7 +79,8 @@ class HttpAgent:
         self._connection.request("POST", self._path, body, {"Content-Type": "application/json"})
         with self._connection.getresponse() as response:
             if response.status != http.client.OK:
-                raise BlackBoxError(f"{self._url} answered {response.status}.")
+                said = _error_in(response.read(_MAX_ERROR_BYTES))
+                raise BlackBoxError(f"{self._url} answered {response.status}{f': {said}' if said else ''}.")
             answer: bytes = response.read(MAX_ANSWER_BYTES + 1)
         if len(answer) > MAX_ANSWER_BYTES:
             raise BlackBoxError(f"{self._url} answered with more than {MAX_ANSWER_BYTES:,} bytes.")

@@ -98,7 +98,7 @@ def _session(path: str) -> Any:
     import onnxruntime
 
     if not Path(path).is_file():
-        raise BlackBoxError(f"there is no file {path}. Give the path of an ONNX model.")
+        raise BlackBoxError(f"there is no file {Path(path).absolute()}. Give the path of an ONNX model.")
     external_files(Path(path))  # refuses weights that are missing or outside the model's folder
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1

@@ -40,23 +40,42 @@ class Checkpoint:
 def save_checkpoint(
     folder: Path, config: dict[str, Any], tensors: Mapping[str, Any], card: str, bits: Bits = 32
 ) -> str:
-    """Write the folder (all or nothing: an old one is replaced at the end) and return its sha256.
+    """Write the folder (all or nothing: an old one is replaced at the end) and return its sha256. Raises
+    CheckpointError if the folder holds something else, OSError.
 
     `tensors`: arrays, or torch's without a gradient, on any device. With fewer `bits` the file is smaller
     (`stored_tensors`); check that the network still performs as its card says.
     """
+    refuse_other_content(folder)
+    folder = folder.absolute()  # "." has no name
     new = folder.with_name(f".{folder.name}.new-{os.getpid()}")
     shutil.rmtree(new, ignore_errors=True)
     new.mkdir(parents=True)
     here = {name: tensor.cpu() if hasattr(tensor, "cpu") else tensor for name, tensor in tensors.items()}
-    (new / WEIGHTS).write_bytes(save(stored(here, bits)))
-    (new / CONFIG).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
-    (new / CARD).write_text(card.rstrip() + "\n", encoding="utf-8")
-    lines = "".join(f"{_digest((new / name).read_bytes())}  {name}\n" for name in FILES)
-    (new / SUMS).write_text(lines, encoding="utf-8")
+    try:
+        (new / WEIGHTS).write_bytes(save(stored(here, bits)))
+        (new / CONFIG).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
+        (new / CARD).write_text(card.rstrip() + "\n", encoding="utf-8")
+        lines = "".join(f"{_digest((new / name).read_bytes())}  {name}\n" for name in FILES)
+        (new / SUMS).write_text(lines, encoding="utf-8")
+    except OSError:  # a full disk
+        shutil.rmtree(new, ignore_errors=True)
+        raise
     shutil.rmtree(folder, ignore_errors=True)
     new.rename(folder)
     return _digest(lines.encode())
+
+
+def refuse_other_content(folder: Path) -> None:
+    """Raise CheckpointError if a checkpoint written to `folder` would delete something that is not part of one, such as
+    the checkpoints below it. Hidden files, which file managers write, do not count."""
+    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    others = [name for name in names if name not in (*FILES, SUMS) and not name.startswith(".")]
+    if others:
+        raise CheckpointError(
+            f"{folder}: holds {others[0]}, which a checkpoint written there would delete. Give a folder of its own, "
+            f"such as {folder / 'mine'}."
+        )
 
 
 def load_checkpoint(folder: Path | str) -> Checkpoint:

@@ -36,6 +36,7 @@ class Journal:
     impressions: list[Impression] = field(default_factory=list)  # of the episodes played to their end
     broken_displays: dict[str, set[int]] = field(default_factory=dict)  # episode -> timesteps not shown as required
     late_timesteps: dict[str, set[int]] = field(default_factory=dict)  # of these, where the partner was late
+    unanswered: set[tuple[str, int]] = field(default_factory=set)  # (episode, timestep) in which the models were late
     violations: list[str] = field(default_factory=list)
     reconnects: int = 0
     browser_faults: dict[str, int] = field(
@@ -80,6 +81,8 @@ class BotGame(GameClient):
             case messages.Tick():
                 self._saw(message.state)
                 self._saw_marks(message)
+                if message.late and self.welcome is not None:
+                    self._journal.unanswered.add((self.welcome.episode, message.state.t))
             case messages.Ended():
                 self._over(message)
             case messages.Refused(code="bad_message"):

@@ -53,6 +53,7 @@ class GroupOutcome:
     by_condition: dict[str, int] = field(default_factory=dict)  # of those who completed; empty without the database
     episodes: int = 0  # played to their end, without tutorials
     violations: list[str] = field(default_factory=list)
+    late_timesteps: int = 0  # of these episodes, in which the models failed or were late, so that the partner waited
 
 
 @dataclass
@@ -130,6 +131,7 @@ def check_outcome(bots: Sequence[Bot], database: Database | None, study: Study |
         outcome.dropped += bool(bot.token) and bot.journal.code is None
         games, ended = bot.journal.games, bot.journal.ended
         outcome.episodes += sum(games[episode].kind == "episode" for episode in ended)
+        outcome.late_timesteps += sum(games[episode].kind == "episode" for episode, _ in bot.journal.unanswered)
         outcome.violations += invariants.broken_in_journal(bot.journal, study.blocks if study else 1)
     outcome.violations += invariants.broken_codes(journals)
     if database is not None:

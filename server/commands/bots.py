@@ -284,6 +284,9 @@ def _table(outcome: "GroupOutcome") -> str:
         f"{'episodes':<12}{outcome.episodes:>6}",
     ]
     lines += [f"  {condition:<10}{count:>6}  completed" for condition, count in outcome.by_condition.items()]
+    if outcome.late_timesteps:
+        remedy = "timesteps without an answer of the models: the partner waited (try `kitchenmind agent check`)"
+        lines.append(f"{'late':<12}{outcome.late_timesteps:>6}  {remedy}")
     lines.append(f"{'violations':<12}{len(outcome.violations):>6}")
     lines += [f"  {violation}" for violation in outcome.violations]
     return "\n".join(lines)

@@ -31,6 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise ValueError(
                 f"{arguments.url} is not an address. Give it as the browser shows it: http://127.0.0.1:8000."
             )
+        _require_server(arguments.url)
         study = arguments.study or offered_study(arguments.url)
     except ValueError as error:
         print(f"kitchenmind conformance: {error}", file=sys.stderr)
@@ -43,6 +44,16 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         print(f"{len(findings) - failed} of {len(findings)} checks passed")
     return 1 if failed else 0
+
+
+def _require_server(url: str) -> None:
+    """Raise ValueError if nothing answers at the address: every check would fail for this reason alone."""
+    import httpx
+
+    try:
+        httpx.get(url, timeout=10)
+    except httpx.HTTPError as error:
+        raise ValueError(f"there is no server at {url} ({error}). Start it with `kitchenmind serve`.") from None
 
 
 def _say(finding: "Finding") -> None:

@@ -99,9 +99,10 @@ def test_wrong_input_exits_with_2_and_the_remedy(live: LiveServer) -> None:
     done = command_line.run("conformance", "localhost:8000")
     assert done.returncode == 2
     assert "is not an address" in done.stderr
-    done = command_line.run("conformance", "http://127.0.0.1:9")
-    assert done.returncode == 2
-    assert "there is no server at http://127.0.0.1:9" in done.stderr
+    for named in ([], ["--study", "quick_look"]):
+        done = command_line.run("conformance", "http://127.0.0.1:9", *named)
+        assert done.returncode == 2
+        assert "there is no server at http://127.0.0.1:9" in done.stderr
 
 
 def test_findings_as_json_and_an_unknown_study_fails_its_checks(live: LiveServer) -> None:

@@ -155,7 +155,8 @@ def test_an_agent_that_fails_reports_it_and_continues_to_serve(capfd: pytest.Cap
     with kitchenmind.serve_agent(Failing, port=0) as serving:
         answer = httpx.post(serving.url, json=QUESTION)
         assert (answer.status_code, answer.json()) == (500, {"error": "the agent failed: out of ideas"})
-        with closing(HttpAgent(serving.url, RING)) as agent, pytest.raises(BlackBoxError, match="answered 500"):
+        said = pytest.raises(BlackBoxError, match=r"answered 500: the agent failed: out of ideas\.")
+        with closing(HttpAgent(serving.url, RING)) as agent, said:
             agent.probabilities(Kitchens.start(RING).encode()[:, 0].copy())
     assert "RuntimeError: out of ideas" in capfd.readouterr().err
 
@@ -163,7 +164,7 @@ def test_an_agent_that_fails_reports_it_and_continues_to_serve(capfd: pytest.Cap
 def test_what_cannot_be_served_exits_with_2_and_the_reason() -> None:
     for words, reason in (
         (["nowhere:Agent"], "nowhere:Agent is not there"),
-        (["tests.kitchenmind.test_serve_agent:Failing"], "out of ideas"),
+        (["tests.kitchenmind.test_serve_agent:Failing"], "RuntimeError: out of ideas (test_serve_agent.py"),
         (["stay", "--port", "99999"], "99999 is not a port"),
         (["stay", "--layout", "nowhere"], "there is no layout 'nowhere'"),
     ):
@@ -173,6 +174,6 @@ def test_what_cannot_be_served_exits_with_2_and_the_reason() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         done = command_line.run("agent", "serve", "stay", "--port", str(taken.getsockname()[1]))
     assert done.returncode == 2
-    assert "in use" in done.stderr
+    assert "in use. Give another --port (0 takes a free one)" in done.stderr
     with pytest.raises(TypeError, match="5 is not an agent"):
         kitchenmind.serve_agent(5)  # type: ignore[arg-type]

@@ -251,7 +251,7 @@ def test_an_address_with_a_wrong_port_is_refused():
 
 def test_an_address_where_nobody_listens_is_an_error():
     policy, _ = load_foreign_agent("http://127.0.0.1:9/", RING)
-    with pytest.raises(BlackBoxError, match="does not answer"):
+    with pytest.raises(BlackBoxError, match=r"does not answer .* Check that it is running at this address\."):
         policy.probabilities(STATES)
 
 
@@ -288,6 +288,15 @@ def test_agent_check_refuses_what_does_not_fit(capsys):
     status, _, err = checked(capsys, "nobody")
     assert status == 2
     assert "Known: planner" in err
+
+
+def test_a_path_that_is_not_there_is_named_from_the_root(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # as from another folder than the one that the path begins in
+    for name, said in (("./mine", f"there is no folder {tmp_path}/mine. "), ("a.onnx", f"no file {tmp_path}/a.onnx. ")):
+        status, _, err = checked(capsys, name)
+        assert (status, said in err) == (2, True)
+    assert kitchenmind.main(["agent", "check", "planner", "--layout", "nook.layout"]) == 2
+    assert f"check: there is no layout 'nook.layout' in {tmp_path}. Known: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

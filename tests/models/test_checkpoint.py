@@ -1,5 +1,6 @@
 """Checkpoints on disk: what comes back, and what is refused."""
 
+import errno
 from pathlib import Path
 from typing import NoReturn
 
@@ -55,7 +56,7 @@ def test_a_folder_that_does_not_exist_is_refused(tmp_path: Path) -> None:
 
 def test_saving_again_replaces_the_whole_folder(tmp_path: Path) -> None:
     _saved(tmp_path / "one")
-    (tmp_path / "one" / "left_over").touch()
+    (tmp_path / "one" / ".DS_Store").touch()
     _saved(tmp_path / "one")
     assert sorted(path.name for path in (tmp_path / "one").iterdir()) == sorted([*FILES, "sha256"])
     assert [path.name for path in tmp_path.iterdir()] == ["one"]
@@ -98,3 +99,26 @@ def test_a_checkpoint_of_something_else_is_not_an_agent(tmp_path: Path) -> None:
     _saved(tmp_path / "one")
     with pytest.raises(CheckpointError, match="not a readable agent"):
         load_network(tmp_path / "one")
+
+
+def test_a_folder_with_something_else_is_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "partners" / "anna").mkdir(parents=True)
+    with pytest.raises(CheckpointError, match=r"partners: holds anna, which .* would delete. Give a folder of its own"):
+        _saved(tmp_path / "partners")
+    assert [path.name for path in tmp_path.iterdir()] == ["partners"]
+    assert [path.name for path in (tmp_path / "partners").iterdir()] == ["anna"]
+
+
+def test_a_full_disk_leaves_the_old_checkpoint_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = _saved(tmp_path / "a")
+
+    def full(*_: object, **__: object) -> NoReturn:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OSError, match="No space"):
+        _saved(tmp_path / "a")
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+    assert load_checkpoint(tmp_path / "a").sha256 == before

@@ -1,8 +1,14 @@
-"""Choosing the FCP run for studies."""
+"""Choosing the FCP run for studies, and the snapshots of its skill levels."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from training.agents import skill_snapshot
 from training.choose import best_fcp
+from training.runlog import RunFolder
 
 SCORES = {
     "strong": {"self_play": 200.0, "held_out": 90.0},
@@ -18,3 +24,10 @@ SCORES = {
 )
 def test_best_with_unseen_partners_among_those_that_can_cook(of_sp: float, best: str) -> None:
     assert best_fcp(SCORES, of_sp) == best
+
+
+def test_a_skill_level_is_a_snapshot_before_the_best_one() -> None:
+    rewards = [5.0, 40.0, 100.0, 35.0]  # the last one has become worse; it is not half trained
+    snapshots = [(number, reward, Path(str(number))) for number, reward in enumerate(rewards)]
+    folder = cast(RunFolder, SimpleNamespace(snapshots=lambda: snapshots))
+    assert [skill_snapshot(folder, skill)[0] for skill in (5, 35, 70, 100)] == [0, 1, 1, 2]

@@ -68,6 +68,30 @@ def test_a_trained_folder_serves_and_is_evaluated(
     assert (entry["agent"], entry["form"]) == ("mine", "stream")
 
 
+def test_games_of_another_kitchen_or_agent_are_refused(
+    lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--layout", "coordination_ring", "--agent", "random", "--runs", str(tmp_path), *SMALL]
+    games = tmp_path / "games"
+    collect = ["--partners", str(lab / "friends"), "--out", str(games), "--no-extras", "--trajectories", "1"]
+    assert kitchenmind.main(["collect", *words[:4], *collect, "--timesteps", "40"]) == 0
+    other = ["--layout", "cramped_room", *words[2:], "--games", str(games)]
+    assert kitchenmind.main(["train", "predictor", *other]) == 2
+    said = capsys.readouterr().err
+    assert f"{games}: holds games of another kitchen (coordination_ring) than cramped_room. Give its --layout" in said
+    assert kitchenmind.main(["train", "predictor", *words, "--agent", "stay", "--games", str(games)]) == 2
+    assert "was collected with another agent than stay" in capsys.readouterr().err
+
+
+def test_predictors_of_a_bundled_agent_are_not_replaced_by_those_of_another_with_its_name(
+    lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(WEIGHTS / "coordination_ring" / "fcp", tmp_path / "sp")  # somebody's own agent, also called sp
+    words = ["train", "predictor", "--layout", "coordination_ring", "--agent", str(tmp_path / "sp"), "--publish"]
+    assert kitchenmind.main([*words, "--games", str(lab / "games"), "--runs", str(tmp_path / "runs"), *SMALL]) == 2
+    assert "--publish: coordination_ring has a bundled agent 'sp', whose predictors" in capsys.readouterr().err
+
+
 def test_a_predictor_is_written_when_the_time_is_up_and_the_same_command_continues(
     lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -126,7 +126,8 @@ def test_partners_sit_in_both_seats_and_answer_as_they_do_alone(kind: str) -> No
         np.testing.assert_allclose(together[4 * k : 4 * k + 4], alone, atol=1e-3)
 
 
-def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize("save_every_s", [0, 60])  # after each iteration, or not before the interruption
+def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path, save_every_s: float) -> None:
     settings = run_settings(SHORT, RING, 5, [])
     whole, parts = RunFolder(tmp_path / "whole", settings), RunFolder(tmp_path / "parts", settings)
     train(PpoTrainer(SHORT, RING, 5), whole)
@@ -139,13 +140,46 @@ def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path)
             raise Interrupted
 
     with pytest.raises(Interrupted):
-        train(PpoTrainer(SHORT, RING, 5), parts, interrupt, save_every_s=0)
+        train(PpoTrainer(SHORT, RING, 5), parts, interrupt, save_every_s)
     train(PpoTrainer(SHORT, RING, 5), RunFolder(tmp_path / "parts", settings))
     assert [line["timesteps"] for line in parts.metrics()] == [line["timesteps"] for line in whole.metrics()]
+    assert [reward for _, reward, _ in parts.snapshots()] == [reward for _, reward, _ in whole.snapshots()]
     ours, theirs = whole.snapshots()[-1][2], parts.snapshots()[-1][2]
     networks = [snapshot_network(path, SHORT, RING)[0].state_dict() for path in (ours, theirs)]
     for name, tensor in networks[0].items():
         assert torch.equal(tensor, networks[1][name]), name
+
+
+def test_a_run_keeps_its_snapshots_evenly_and_its_learning_rate_falls_linearly(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run", run_settings(SHORT, RING, 5, []))
+    train(PpoTrainer(SHORT, RING, 5), folder)  # 8 iterations of 800 timesteps
+    assert [timesteps for timesteps, _, _ in folder.snapshots()] == [1600, 3200, 4800, 6400]
+    rates = [line["learning_rate"] for line in folder.metrics()]
+    np.testing.assert_allclose(rates, 0.001 * (1 - 0.9 * np.arange(8) / 8), atol=1e-6)
+
+
+def test_the_shaped_reward_of_a_useful_dish_is_the_one_in_the_settings() -> None:
+    rewards = {}
+    for dish in (3.0, 1.0):
+        config = SHORT.changed({"dish_shaping": dish, "random_starts": 1.0, "reward_scale": 1.0}, "test")
+        trainer = PpoTrainer(config, RING, 5)
+        trainer.iteration()
+        rewards[dish] = trainer.rewards
+    fewer = rewards[3.0] - rewards[1.0]  # the same seed: the same first rollout
+    assert set(np.unique(fewer)) == {0.0, 2.0}
+
+
+def test_training_that_diverges_stops_with_a_remedy(tmp_path: Path) -> None:
+    config = SHORT.changed({"learning_rate": 1e30}, "test")
+    with pytest.raises(RunError, match=r"training diverged at .* use a smaller learning_rate"):
+        train(PpoTrainer(config, RING, 5), RunFolder(tmp_path / "run", run_settings(config, RING, 5, [])))
+
+
+def test_a_last_minibatch_of_one_sample_does_not_make_the_network_nan() -> None:
+    config = SHORT.changed({"num_envs": 1, "num_steps": 2, "minibatch_size": 3}, "test")  # 4 samples
+    trainer = PpoTrainer(config, RING, 5)
+    assert np.isfinite(trainer.iteration()["value_loss"])
+    assert all(tensor.isfinite().all() for tensor in trainer.network.state_dict().values())
 
 
 def test_a_run_folder_refuses_another_run(tmp_path: Path) -> None:

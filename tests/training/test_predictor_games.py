@@ -1,6 +1,7 @@
 """Collected games: the pairs of agents, the stored arrays, and the predictor's inputs from them."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,6 +73,14 @@ def test_the_target_acts_by_the_distribution_that_is_written_down(games):
     assert (np.take_along_axis(games["law"], own[..., None], 2) > 0).all()
     free = games["stuck"][..., 0] < planner().mode.stuck_after
     assert (games["law"].max(-1)[free] == 1).all()
+
+
+def test_the_second_episode_of_a_trajectory_begins_with_chefs_that_are_not_stuck():
+    agent = load_agent("stay", RING)
+    still = Partner("sp_1_100", "sp_1", "sp", agent.policy)
+    stuck = games_with(RING, Target("stay", *agent), still, CollectionPlan(1, 410))["stuck"]
+    assert (stuck[:, 399:402, 0] == [399, 0, 1]).all()
+    assert (stuck[:, 400] == 0).all()
 
 
 def test_the_same_seed_gives_the_same_games(games):
@@ -221,6 +230,15 @@ def test_a_population_on_disk_is_found_by_the_names_of_its_agents(tmp_path):
     assert isinstance(population[0].policy, NetworkPolicy)
 
 
+def test_a_population_is_found_from_inside_its_folder(tmp_path, monkeypatch):
+    config = NetworkConfig(hidden=(4,))
+    folder = tmp_path / "population"
+    for name in ("sp_1_100", "sp_2_100"):
+        save_agent(folder / name, build_network(config, RING), config, RING, Mode(), "A card.", agent=name)
+    monkeypatch.chdir(folder)
+    assert [partner.name for partner in load_population(Path(), RING)] == ["sp_1_100", "sp_2_100"]
+
+
 def test_an_empty_population_names_the_remedy(tmp_path):
     with pytest.raises(ValueError, match="kitchenmind train study"):
         load_population(tmp_path, RING)
@@ -235,7 +253,7 @@ def test_more_agents_can_be_trained_on_and_are_never_tested_on(tmp_path):
     split = split_by_agent([*population, extra])
     assert (extra.name, split[extra.agent]) == ("extra_sp_4_20", "train")
     assert split["sp_4"] == "test"
-    with pytest.raises(ValueError, match="no agent"):
+    with pytest.raises(ValueError, match="there is no folder"):
         load_extras({"nobody": tmp_path / "nobody"}, RING)
 
 

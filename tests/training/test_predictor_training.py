@@ -1,6 +1,7 @@
 """Training a predictor: learning, measuring, resuming, and writing it with its card."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,9 +17,10 @@ from models.networks.predictor import PredictorNetwork, predictor_network
 from models.protocols import Mode
 from overcooked.layout import load_layout
 from training import compute
+from training import train_predictor as training
 from training.collect import TEST, CollectionPlan, Partner, Target, collect, read_manifest
 from training.dataset import load_episodes
-from training.evaluate_predictor import calibration_error, evaluate, fitted_temperature, logits
+from training.evaluate_predictor import STUCK_AFTER, calibration_error, evaluate, fitted_temperature, logits
 from training.predictor_config import NetworkSettings, TrainingConfig, changed
 from training.publish_predictor import partners_met, write_predictor
 from training.runlog import RunFolder
@@ -107,6 +109,30 @@ def test_training_stops_when_validation_gets_no_better(games, tmp_path):
     assert trainer.update == 15
 
 
+def test_the_stored_weights_are_a_moving_average_whose_decay_grows(games):
+    trainer = prepared(RING, PredictorConfig(form="stream", **TINY), QUICK, games)
+    name, expected = next(iter(trainer.average.items()))
+    expected = expected.clone()
+    for update in (1, 2, 3):
+        trainer.step()
+        now = dict(trainer.network.named_parameters())[name].detach()
+        expected += (1 - update / (update + 10)) * (now - expected)
+    assert torch.allclose(trainer.average[name], expected, atol=1e-6)
+    assert not torch.allclose(trainer.average[name], now, atol=1e-6)
+
+
+def test_training_ends_after_as_many_validations_without_improvement_as_its_patience(games, monkeypatch):
+    trainer = prepared(RING, PredictorConfig(form="stream", **TINY), QUICK.changed({"patience": 2}, "test"), games)
+    ends = []
+    for accuracy in (0.2, 0.1, 0.3, 0.2, 0.25):
+        found = SimpleNamespace(accuracy=SimpleNamespace(mean=accuracy))
+        monkeypatch.setattr(training, "evaluate", lambda *_, found=found: found)
+        trainer.look()
+        ends.append(trainer.finished())
+    assert ends == [False, False, False, False, True]
+    assert trainer.best_accuracy == 0.3
+
+
 def test_metrics_are_written_during_training(stream):
     lines = [json.loads(line) for line in (stream[2] / "metrics.jsonl").read_text().splitlines()]
     assert [line["timesteps"] for line in lines] == [40, 80, 120]
@@ -136,6 +162,9 @@ def test_baselines_are_as_documented(games):
     repeated = np.concatenate([episodes.own[:, :1] == 0, episodes.own[:, 1:] == episodes.own[:, :-1]], 1)
     assert result.repeat.steps[0] == pytest.approx(repeated.mean())
     assert result.ceiling == pytest.approx(episodes.certainty.mean())
+    free = (episodes.stuck < STUCK_AFTER).all(-1)  # neither chef is stuck
+    assert 0 < free.mean() < (episodes.stuck < STUCK_AFTER).any(-1).mean()
+    assert result.free_frequent.steps[0] == pytest.approx((episodes.own == 4)[free].mean())
 
 
 def test_calibration_error_of_an_overconfident_predictor():

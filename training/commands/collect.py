@@ -6,6 +6,8 @@ from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from training.command_errors import refuse_below, told
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
@@ -43,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         return _collect(arguments)
     except (ValueError, OSError) as error:
-        print(f"kitchenmind collect: {error}", file=sys.stderr)
+        print(f"kitchenmind collect: {told(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("\nInterrupted. The same command continues with the next partner.", file=sys.stderr)
@@ -59,8 +61,9 @@ def _collect(arguments: argparse.Namespace) -> int:
     from training.population import load_extras, load_target, partners_of, with_itself_and_extras
     from training.publish_predictor import population_folder
 
-    if arguments.trajectories < 1 or arguments.timesteps < 10:
-        raise ValueError("--trajectories must be at least 1 and --timesteps at least 10")
+    refuse_below(1, trajectories=arguments.trajectories)
+    refuse_below(10, timesteps=arguments.timesteps)
+    refuse_below(0, seed=arguments.seed)
     torch.set_num_threads(1)
     request(arguments.device)
     layout = load_layout(arguments.layout)

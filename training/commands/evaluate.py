@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from training.command_errors import refuse_below, told
+
 if TYPE_CHECKING:
     from overcooked.layout import Layout
 
@@ -62,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         entries = _agents(arguments) if arguments.what == "agents" else _predictors(arguments)
     except (ValueError, OSError) as error:
-        print(f"kitchenmind evaluate {arguments.what}: {error}", file=sys.stderr)
+        print(f"kitchenmind evaluate {arguments.what}: {told(error)}", file=sys.stderr)
         return 2
     if arguments.json:
         print(json.dumps(entries))
@@ -85,6 +87,7 @@ def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     from overcooked.layout import layout_names, load_layout
     from training.choose import evaluate_bundled, evaluate_with
 
+    refuse_below(1, episodes=arguments.episodes, timesteps=arguments.timesteps)
     layouts = [load_layout(name) for name in arguments.layouts or layout_names()]
     size = {"episodes": arguments.episodes, "timesteps": arguments.timesteps}
     if arguments.partner is None:
@@ -118,6 +121,8 @@ def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     torch.set_num_threads(1)
     if not (arguments.all or arguments.layout):
         raise ValueError("say which: --layout NAME [--agent NAME], or --all")
+    refuse_below(1, trajectories=arguments.trajectories)
+    refuse_below(10, timesteps=arguments.timesteps)
     layouts = [load_layout(name) for name in (layout_names() if arguments.all else [arguments.layout])]
     return [entry for layout in layouts for entry in _of_layout(layout, arguments)]
 

@@ -1,8 +1,9 @@
 """`kitchenmind train intentions`: add a decoder of intentions to a trained predictor."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -57,8 +58,16 @@ def add_with_progress(predictor: Path, games: Path, settings: "IntentionSettings
     with Progress(TextColumn(f"intentions of {predictor.name}"), BarColumn(), TimeElapsedColumn()) as bar:
         task = bar.add_task("intentions", total=1.0)
         measured = add_intentions(predictor, games, settings, out, lambda share: bar.update(task, completed=share))
-    before = ", ".join(
+    print(f"{out}: {_measured_in_words(measured)} (unseen partners)")
+
+
+def _measured_in_words(measured: Mapping[str, Any]) -> str:
+    """Return the shares of right intentions; an agent that uses no station has none."""
+    shares = [
         f"{values['kind_and_station']} % {int(timesteps) / 5:g} s before"
         for timesteps, values in measured["before"].items()
-    )
-    print(f"{out}: next interaction and station right in {before} (unseen partners)")
+        if values["states"]
+    ]
+    if not shares:
+        return "the agent used no station in the test games, so there is no intention to measure"
+    return f"next interaction and station right in {', '.join(shares)}"

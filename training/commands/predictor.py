@@ -16,6 +16,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 if TYPE_CHECKING:
     from models.networks.config import PredictorConfig
     from models.networks.predictor import PredictorNetwork
+    from overcooked.layout import Layout
+    from training.collect import Target
     from training.predictor_config import TrainingConfig
     from training.runlog import RunFolder
     from training.train_predictor import PredictorTrainer
@@ -76,22 +78,21 @@ def run(arguments: argparse.Namespace) -> int:
     from models.agents.own_checkpoints import name_in_study
     from models.networks.checkpoint import load_checkpoint
     from overcooked.layout import load_layout
-    from training.collect import TEST, read_manifest
+    from training.collect import TEST, games_of_agent
     from training.commands.intentions import add_with_progress
     from training.dataset import load_episodes
     from training.population import load_target
     from training.predictor_config import intention_settings
-    from training.publish_predictor import partners_met, predictor_folder, write_predictor
+    from training.publish_predictor import partners_met, write_predictor
     from training.runlog import RunFolder
     from training.train_predictor import prepared
 
     network, training = _chosen_settings(arguments)
     layout = load_layout(arguments.layout)
     target = load_target(arguments.agent, layout)
+    place = _place(arguments, layout, target)
     games = arguments.games or arguments.runs / "games" / f"{layout.name}_{target.name}"
-    collected = read_manifest(games)
-    if collected["target"]["sha256"] != target.sha256:
-        raise ValueError(f"{games}: was collected with another agent than {arguments.agent}. Collect its games first.")
+    collected = games_of_agent(games, layout, target)
     settings = {**asdict(network), **training.stored()}
     print("\n".join(f"{name} = {value}" for name, value in settings.items()))
     name = f"{target.name}_predictor_{arguments.form}"
@@ -100,8 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = RunFolder(arguments.runs / layout.name / name, known)
     trainer = prepared(layout, network, training, games, arguments.encoder_from, arguments.begin_with)
     trained, stopped = _trained(name, trainer, folder)
-    published = predictor_folder(layout, target.name, arguments.form) if arguments.publish else None
-    out = published or arguments.out or folder.path / "predictor"
+    out = place or folder.path / "predictor"
     how = {**_how(trainer, stopped), "begun with": begun or "nothing", **partners_met(collected), "settings": settings}
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.encoder), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
@@ -110,6 +110,21 @@ def run(arguments: argparse.Namespace) -> int:
     name = out.name if arguments.publish else name_in_study(out, layout.name)
     _say_what_to_do(arguments, name, stopped, f"{trainer.update} of {training.updates} updates")
     return 1 if stopped == INTERRUPTED else 0
+
+
+def _place(arguments: argparse.Namespace, layout: "Layout", target: "Target") -> Path | None:
+    """Return where to write the predictor; None: in the run's folder. Raises ValueError if it would replace something
+    else there."""
+    from models.networks.checkpoint import refuse_other_content
+    from training.publish_predictor import predictor_folder, refuse_other_agents_place
+
+    if arguments.publish:
+        refuse_other_agents_place(layout, target)
+        return predictor_folder(layout, target.name, arguments.form)
+    out: Path | None = arguments.out
+    if out is not None:
+        refuse_other_content(out)
+    return out
 
 
 def _without_limit(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,13 +6,18 @@ import argparse
 import importlib
 import importlib.util
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from training.command_errors import refuse_below, told
 from training.config import AgentConfig, agent_config
 from training.settings import ConfigError
+
+if TYPE_CHECKING:
+    from training.pipeline.study_tasks import Graph
 
 _PREDICTOR = "training.commands.predictor"
 _INTENTIONS = "training.commands.intentions"
@@ -96,8 +101,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         request(arguments.device, arguments.precision)
         return verbs[arguments.what](arguments)
-    except (ValueError, FileNotFoundError) as error:  # all our errors are ValueErrors with place and remedy
-        print(f"kitchenmind train {arguments.what}: {error}", file=sys.stderr)
+    except (ValueError, OSError) as error:  # all our errors are ValueErrors with place and remedy
+        print(f"kitchenmind train {arguments.what}: {told(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("\nInterrupted. The same command continues from the last saved state.", file=sys.stderr)
@@ -110,10 +115,14 @@ def _add_runs(parser: argparse.ArgumentParser) -> None:
 
 def _train_agent(arguments: argparse.Namespace) -> int:
     from models.agents.own_checkpoints import name_in_study
+    from models.networks.checkpoint import refuse_other_content
     from overcooked.layout import load_layout
     from training.agents import train_agent, write_agent
 
     config = agent_config(arguments.config, arguments.set)
+    refuse_below(0, seed=arguments.seed)
+    if arguments.out is not None:
+        refuse_other_content(arguments.out)
     layout = load_layout(arguments.layout)
     kind = "fcp" if arguments.partners else "sp"
     path = arguments.runs / layout.name / f"{kind}_{arguments.seed}"
@@ -153,6 +162,7 @@ def _train_study(arguments: argparse.Namespace) -> int:
     from training.pipeline.schedule import run_here, run_on_ray, run_task, show_plan
     from training.pipeline.study_tasks import Graph
 
+    refuse_below(1, workers=arguments.workers)
     preset = load_preset(arguments.preset)
     layouts = [bundled_name(name) for name in arguments.layouts or STUDY_LAYOUTS]
     for layout in layouts:
@@ -161,7 +171,7 @@ def _train_study(arguments: argparse.Namespace) -> int:
     tasks = [task for made in (study_tasks, prediction_tasks) for layout in layouts for task in made(layout, preset)]
     graph = Graph(tasks, arguments.runs / "study")
     if arguments.only:
-        graph = graph.limited(arguments.only)
+        graph = _limited(graph, arguments.only)
     if arguments.task:
         return run_task(graph, arguments.task, arguments.keep)
     if arguments.keep:
@@ -176,6 +186,15 @@ def _train_study(arguments: argparse.Namespace) -> int:
     if arguments.ray:
         return run_on_ray(graph, command, arguments.ray, arguments.workers)
     return run_here(graph, command, arguments.workers)
+
+
+def _limited(graph: "Graph", only: Sequence[str]) -> "Graph":
+    """Return the tasks that `--only` asks for, and their inputs. Raises ValueError if there are none."""
+    limited = graph.limited(only)
+    if not limited.tasks:
+        kinds = sorted({task.name.rstrip("0123456789").rstrip("_") for task in graph.tasks.values()})
+        raise ValueError(f"--only {' '.join(only)}: no task begins with this. There are: {', '.join(kinds)}.")
+    return limited
 
 
 __all__ = ["ConfigError", "add_arguments", "run"]

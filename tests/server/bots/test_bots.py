@@ -336,13 +336,16 @@ def test_guarantees_hold_while_the_server_is_killed_and_lines_are_lost() -> None
 def test_a_violation_is_reported_and_makes_the_exit_code_1(
     form: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    broken = GroupOutcome(3, 2, 1, {"tom": 2}, 20, ["episode 1 lost timesteps [7]"])
+    broken = GroupOutcome(3, 2, 1, {"tom": 2}, 20, ["episode 1 lost timesteps [7]"], 302)
     monkeypatch.setattr(bots_command, "_simulate", lambda _: broken)
     assert kitchenmind.main(["bots", "3", *form]) == 1
     told = capsys.readouterr().out
     assert "episode 1 lost timesteps [7]" in told
     if form:
-        assert set(json.loads(told)) == {"started", "completed", "dropped", "by_condition", "episodes", "violations"}
+        keys = {"started", "completed", "dropped", "by_condition", "episodes", "violations", "late_timesteps"}
+        assert set(json.loads(told)) == keys
+    else:
+        assert "late           302  timesteps without an answer of the models: the partner waited" in told
 
 
 def test_a_server_that_lets_nobody_in_is_a_violation_not_a_success() -> None:

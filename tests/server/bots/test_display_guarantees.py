@@ -30,6 +30,22 @@ class Sometimes:
         return np.full((len(slots), 3, 6), 1 / 6, np.float32)
 """
 
+BREAKS = """
+import numpy as np
+
+class Breaks:
+    # well while it is tried, then it fails always
+
+    def __init__(self, layout):
+        self.calls = 0
+
+    def probabilities(self, observations):
+        self.calls += 1
+        if self.calls > 10:
+            raise RuntimeError("pretends to be broken")
+        return np.full((len(observations), 6), 1 / 6, np.float32)
+"""
+
 
 def study(folder: Path, predictor: str) -> Path:
     file = folder / "small.yaml"
@@ -78,3 +94,13 @@ def test_every_timestep_without_the_required_display_is_counted_by_bots_export_a
     quality = pl.read_csv(tmp_path / "report" / "quality.csv")
     flagged = quality.filter(pl.col("rules").fill_null("").str.contains("display"))
     assert set(flagged["episode"]) == {episode for episode in empty if episode in set(quality["episode"])}
+
+
+@pytest.mark.timeout(1200)
+def test_timesteps_in_which_a_broken_agent_gave_no_answer_are_reported(tmp_path: Path) -> None:
+    (tmp_path / "breaks.py").write_text(BREAKS, encoding="utf-8")
+    file = study(tmp_path, "random")
+    planner = "planner, predictor: random"
+    file.write_text(file.read_text("utf-8").replace(planner, f"mine, model: 'breaks:Breaks', {planner[9:]}"), "utf-8")
+    walked = run("bots", "1", "--study", str(file), "--fast", "--json")
+    assert json.loads(walked.stdout)["late_timesteps"] > 10
