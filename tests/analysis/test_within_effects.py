@@ -45,7 +45,7 @@ def test_checks_know_the_levels_that_people_met_in_blocks(blocks: pl.DataFrame) 
     assert found["with_round"].se == pytest.approx(mixed.bse["C(condition)[T.order_2]"], rel=1e-3)
     (slope,) = select(model_checks.model_rows(blocks, ("order_1", "order_2")), test="round")
     assert abs(slope.estimate) < 3 * slope.se
-    assert slope.se < 0.5, "the levels are no noise"
+    assert slope.se < 0.5, "the levels are not noise"
 
 
 def test_ordered_answers_know_the_levels_that_people_met_in_blocks(blocks: pl.DataFrame) -> None:
