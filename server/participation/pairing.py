@@ -58,6 +58,15 @@ def company(connection: Connection, studies: Studies, participant: Participant, 
     return Company(other) if is_there else Company(alone="partner_left")
 
 
+def expects_partner(connection: Connection, studies: Studies, participant: Participant, step: StudyStep) -> bool:
+    """Return whether the participant has no reason yet to expect an agent in this round: it is for two people, and
+    they played every one before with a person."""
+    if not is_for_two(studies.of(participant), step):
+        return False
+    alone = events.of_participant(connection, participant.id, ALONE)
+    return all(one.detail.get("step") == step.key for one in alone)
+
+
 def has_begun(connection: Connection, participant_id: str, step: StudyStep) -> bool:
     """Return whether the participant has a seat in this round, or had one until the partner withdrew."""
     is_seated = episodes.of_step(connection, participant_id, step.key) is not None

@@ -10,7 +10,6 @@ import jinja2
 import msgspec
 from fastapi import Depends, HTTPException, Request, Response
 from fastapi.responses import HTMLResponse
-from markdown_it import MarkdownIt
 from markupsafe import Markup
 from starlette.requests import HTTPConnection
 
@@ -24,13 +23,13 @@ from server.study.locale import Locale, best_language, languages, locale
 from server.web.auth import FORM_FIELD, CsrfProtection, session_of, token_for, token_of
 from server.web.compiled_templates import compiled_templates
 from server.web.forms import Form, first, read_form
+from server.web.markdown import MARKDOWN
 from server.web.participant.step_json import step_page, wants_json
 from server.web.rate_limits import NewPlaces
 from server.web.security_headers import policy
 from server.web.services import services_of
 
 TEMPLATES = Path(__file__).parents[2] / "templates"
-MARKDOWN = MarkdownIt("commonmark", {"html": False}).enable("table")
 
 
 @dataclass(frozen=True)

@@ -145,6 +145,18 @@ def test_a_screen_reader_hears_if_a_game_begins_or_continues(
         expect(page.locator("#urgent")).to_have_text(words)
 
 
+def test_a_participant_who_expects_a_partner_is_told_of_the_agent_before_the_round(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    server.page |= {"ready_page": True, "expects_partner": True}
+    with opened(chromium, server) as page:
+        page.wait_for_selector("#start:visible")
+        assert page.inner_text("#start-title") == "An AI chef steps in"
+        assert server.of(Ready) == []
+        page.click("#start-button")
+        server.wait_for(lambda server: bool(server.of(Ready)))
+
+
 def test_a_page_names_the_kitchen_in_its_own_language(chromium: Browser, server: FakeGameServer) -> None:
     server.page |= {"language": "zh", "title": "协作环"}
     with opened(chromium, server) as page:

@@ -12,7 +12,7 @@ from server.study.reference import anchor, study_reference
 from server.study.sections import SECTIONS, StudySection
 from server.web.admin.rendering import NOT_FOUND, AdminPage
 from server.web.admin.researcher_auth import OwnDep
-from server.web.dependencies import MARKDOWN
+from server.web.markdown import MARKDOWN
 
 router = APIRouter(prefix="/admin/study-keys")
 

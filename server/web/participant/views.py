@@ -113,7 +113,10 @@ async def _questions(page: PageResponse, participant: Participant, step: StudySt
     earlier = await page.web.studies.earlier_answers(page.web.database, participant)
     questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[step.asks]
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
+    # Somebody whose connection was away when the round was stopped sees only this page.
+    before = await page.web.database.read(progress.last_episode, participant.id, step.number + 1)
     return {
+        "stopped": step.number > 0 and before is not None and before.status == "aborted",
         "questionnaire": questionnaire,
         "questions": questions_of(study, participant, step, earlier),
         "form": filled.form,
@@ -190,7 +193,9 @@ async def _game(page: PageResponse, participant: Participant, step: StudyStep, _
     rounds = await _earlier_rounds(page, participant) if step.kind == "episode" else []
     # A round of two has one specification, in the language of one of them: each page names the kitchen in its own.
     title = study.layout(step.layout).title.of(page.language) if step.kind == "episode" else ""
-    return {"game": game | {"ready_page": step.kind == "episode", "skip": skip, "rounds": rounds, "title": title}}
+    expects = await page.web.database.read(pairing.expects_partner, page.web.studies, participant, step)
+    game |= {"skip": skip, "rounds": rounds, "title": title, "expects_partner": expects}
+    return {"game": game | {"ready_page": step.kind == "episode"}}
 
 
 async def _earlier_rounds(page: PageResponse, participant: Participant) -> list[dict[str, int | None]]:

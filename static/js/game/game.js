@@ -3,7 +3,7 @@
 /** @import { State } from '../board/state.js' */
 /** @import { Change } from './input.js' */
 /** @import { FinalLink } from './connection.js' */
-/** @import { RoundScore } from './result.js' */
+/** @import { PageConfig } from './page-config.js' */
 /** @import { BoardBox } from './tutorial-coach.js' */
 
 import { drawLegend } from '../board/draw-marks.js';
@@ -29,6 +29,7 @@ import { MarksHelp } from './marks-help.js';
 import { away, input, ready } from './messages.js';
 import { ResearcherNotice } from './notice.js';
 import { OwnKeys } from './own-keys.js';
+import { inOwnLanguage, withNewsOfPartner } from './page-config.js';
 import { reloadOnce } from './reload-once.js';
 import { Sound } from './sound.js';
 import { listenTouch } from './touch.js';
@@ -41,8 +42,7 @@ const STILL_MS = 100; // with reduced motion, an unchanged game is drawn again a
 const DIALOG_MS = 200;
 const BOARD_FRAME = 6; // CSS pixels around the board
 
-/** @type {{ socket: string, sprites: string, lessons?: string[], away_s: number, ready_page: boolean,
- *   title?: string, rounds?: RoundScore[] }} title: of the kitchen, in this page's language */
+/** @type {PageConfig} */
 const config = jsonBlock('game-config');
 const text = catalogue(jsonBlock('texts'));
 const page = find('.game', HTMLElement);
@@ -130,13 +130,13 @@ function change(next) {
   showDialog(changedMs);
 }
 
-/** @param {Wire.FromServer} message */
-function receive(message) {
-  if (message.type === 'welcome' && config.title) message = { ...message, title: config.title };
+/** @param {Wire.FromServer} received */
+function receive(received) {
+  const message = inOwnLanguage(received, config);
   const now = performance.now();
   // While the game is paused no key counts, and old keys do not act later.
   if (['paused', 'ended', 'superseded', 'welcome'].includes(message.type)) releaseKeys();
-  const next = { ...apply(state, message, now), awayLimitS: config.away_s };
+  const next = withNewsOfPartner({ ...apply(state, message, now), awayLimitS: config.away_s }, message, config);
   if (message.type === 'welcome') welcome(message, next);
   else change(next);
   if (message.type === 'tick') tick(now);
@@ -199,9 +199,7 @@ function hasStarted() {
   return state.link === 'open' && startedEpisode === state.game?.episode && state.phase !== 'ended';
 }
 
-function controlsChef() {
-  return inPlay() && state.game !== null && state.game.seat >= 0;
-}
+const controlsChef = () => inPlay() && state.game !== null && state.game.seat >= 0;
 
 function gameHasFocus() {
   const focused = document.activeElement;

@@ -118,6 +118,21 @@ async def test_all_later_rounds_are_played_alone_because_the_partner_left(make: 
     assert pair.noted(events.PARTNER_WITHDREW) == [{"step": "episode-01"}]
 
 
+async def test_an_agent_in_the_partners_place_is_news_in_the_first_round_with_it(make: MakePair) -> None:
+    pair = await make()
+    await pair.play(1)
+    pair.database.write_now(withdraw, pair.leaves)
+    for number in (2, 3):
+        pair.walk_to(pair.stays, f"episode-{number:02d}")
+        game = await pair.seating.find(pair.tokens[0], "pairs")
+        here = pair.now(pair.stays)
+        expects = pair.database.read_now(pairing.expects_partner, pair.studies, here, pair.studies.step(here))
+        assert expects == (number == 2)
+        await pair.database.write(
+            episodes.end, EpisodeResult(game.episode, "done", "horizon", 60, 3, 9.0, True, "0" * 16)
+        )
+
+
 async def test_who_is_past_the_shared_rounds_also_continues_alone(make: MakePair) -> None:
     pair = await make()
     await pair.play(1)
