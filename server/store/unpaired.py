@@ -1,4 +1,4 @@
-"""Count the people who wait for a first partner, in a study with rounds of two people."""
+"""Count the people without a first partner, in a study with rounds of two people."""
 
 from datetime import datetime
 from typing import Final

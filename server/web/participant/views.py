@@ -113,7 +113,10 @@ async def _questions(page: PageResponse, participant: Participant, step: StudySt
     earlier = await page.web.studies.earlier_answers(page.web.database, participant)
     questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[step.asks]
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
+    # Somebody whose connection was away when the round was stopped sees only this page.
+    before = await page.web.database.read(progress.last_episode, participant.id, step.number + 1)
     return {
+        "stopped": step.number > 0 and before is not None and before.status == "aborted",
         "questionnaire": questionnaire,
         "questions": questions_of(study, participant, step, earlier),
         "form": filled.form,

@@ -251,3 +251,11 @@ def test_a_round_shows_the_points_of_the_rounds_before(site: PageSite) -> None:
     )
     assert config
     assert json.loads(config[1])["rounds"] == [{"number": 1, "score": 60}]
+
+
+@pytest.mark.parametrize(("status", "said"), [("done", "After round 1 of"), ("aborted", "was stopped early")])
+def test_who_was_away_when_a_round_ended_reads_that_it_was_stopped(site: PageSite, status: str, said: str) -> None:
+    visitor = Visitor(site)
+    walk_to(visitor, site, "episode-01")
+    site.end_game(site.only("small"), passed=status == "done", status=status)
+    assert said in visitor.get("/s/small/now").text
