@@ -3,7 +3,8 @@
 import { find } from '../browser/dom.js';
 import { root } from '../browser/addresses.js';
 
-/** @typedef {{ label: string, operation: import('./builder-session.js').Operation }} Mend a change that solves a problem */
+/** @typedef {import('./builder-session.js').Operation} Operation */
+/** @typedef {{ label: string, operation: Operation }} Mend a change that solves a problem */
 /** @typedef {{ line: number, path: (string | number)[], text: string, warning: boolean, mend?: Mend }} Problem */
 /** @typedef {{ text: string, values: any, problems: Problem[], refused: string,
  *   own: import('./builder-own-models.js').OwnModels }} View */
