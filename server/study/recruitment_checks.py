@@ -40,6 +40,19 @@ def recruitment_problems(study: Study) -> Iterator[Problem]:
         reason = "people whose partner does not arrive get a code that Prolific does not know"
         remedy = "Add `code:` as shown by Prolific."
         yield Problem(("recruitment", "unpaired"), reason, remedy, warning=True)
+    yield from _odd_quotas(study)
+
+
+def _odd_quotas(study: Study) -> Iterator[Problem]:
+    """Yield a warning about each condition of a study for two in which the last person finds no partner."""
+    if not any(agent.human for agent in study.agents) or study.factors:
+        return
+    for index, condition in enumerate(study.conditions):
+        if condition.quota is not None and condition.quota % 2:
+            path = ("conditions", index, "quota")
+            reason = f"of {condition.quota} people, one finds no partner"
+            mend = write(f"Make it {condition.quota + 1}", path, condition.quota + 1)
+            yield Problem(path, reason, f"Write {condition.quota + 1}.", warning=True, mend=mend)
 
 
 def _screens_out(study: Study) -> bool:

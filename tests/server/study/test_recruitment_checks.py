@@ -54,3 +54,18 @@ def test_people_who_wait_in_vain_for_a_partner_need_a_code_that_prolific_knows()
     assert "a code that Prolific does not know" in words
     assert not doubts(f"{PAID}}}", stays)
     assert not doubts(f"{PAID}, unpaired: {{code: C4ALONE}}}}", leaves)
+
+
+def test_an_odd_quota_of_a_study_for_two_is_pointed_out_and_mended_with_one_click() -> None:
+    pairs = (ROOT / "studies" / "two_people.yaml").read_text(encoding="utf-8")
+    odd = pairs.replace("{name: tom, predictor: tom}", "{name: tom, predictor: tom, quota: 45}")
+    assert odd != pairs
+    (doubt,) = [one for one in view(odd).problems if "quota" in one.path]
+    assert "of 45 people, one finds no partner" in doubt.text
+    assert doubt.warning
+    assert doubt.mend is not None
+    even = changed(odd, dict(doubt.mend.operation))
+    assert "quota: 46" in even
+    assert not [one for one in view(even).problems if "quota" in one.path]
+    alone = SMALL_STUDY.replace("predictor: tom}", "predictor: tom, quota: 45}", 1)
+    assert not [one for one in view(alone).problems if "people" in one.text]
