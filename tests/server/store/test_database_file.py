@@ -30,7 +30,9 @@ def replaced(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("harm", "words"), [(Path.unlink, "moved or deleted"), (replaced, "replaced by another file")], ids=str
+    ("harm", "words"),
+    [(Path.unlink, "moved or deleted"), (replaced, "replaced by another file")],
+    ids=["deleted", "replaced"],
 )
 def test_nothing_counts_as_stored_in_a_file_that_is_gone(file: Path, harm: Callable[[Path], None], words: str) -> None:
     with Database(f"sqlite:///{file}") as database:
