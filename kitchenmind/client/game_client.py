@@ -63,6 +63,7 @@ class GameClient:
         self._origin = origin_of("http" + url.removeprefix("ws"))
         self._wait = random.Random()  # noqa: S311 - when to come back is nobody's choice
         self._seq = 0
+        self._answered = ""  # the reason of the pause that `ready` was sent for, until something else comes
 
     def act(self, tick: messages.Tick) -> int | None:  # noqa: ARG002 - for subclasses
         """Return the action on this state: 0 north, 1 south, 2 east, 3 west, 4 stay, 5 interact; None to send nothing.
@@ -166,9 +167,15 @@ class GameClient:
     async def _answer(self, socket: ClientConnection, message: messages.Outgoing) -> None:
         match message:
             case messages.Welcome():
+                self._answered = ""
                 await self.send(socket, messages.Ready())
-            case messages.Paused(reason=reason) if reason not in _NOT_OURS:
-                await self.send(socket, messages.Ready())
+            case messages.Paused(reason=reason):
+                # Once: a server that is stopping answers `ready` with the same pause.
+                if reason not in (*_NOT_OURS, self._answered):
+                    await self.send(socket, messages.Ready())
+                self._answered = reason
+            case messages.Countdown():
+                self._answered = ""
             case messages.Ping():
                 await self.send(socket, messages.Pong(message.id))
             case messages.Tick():

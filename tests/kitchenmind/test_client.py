@@ -2,11 +2,13 @@
 
 import asyncio
 import io
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 
+import msgspec
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
@@ -138,6 +140,27 @@ async def test_an_invalid_message_of_the_server_is_its_error() -> None:
         port = next(iter(serving.sockets)).getsockname()[1]
         with pytest.raises(ProtocolError, match=r"not a message \(Invalid value 'unheard of'"):
             await GameClient(f"ws://127.0.0.1:{port}/s/x/socket").play()
+
+
+async def test_a_pause_that_the_server_repeats_is_answered_once() -> None:
+    """A server that is stopping answers `ready` with the same pause, so that a player would never be silent."""
+    sent: list[str] = []
+
+    async def talk(socket: ServerConnection) -> None:
+        async def told(*outgoing: messages.Outgoing) -> None:
+            for message in outgoing:
+                await socket.send(msgspec.json.encode(message).decode())
+
+        await told(messages.Paused("server", 0.0), messages.Paused("server", 0.0), messages.Countdown(0.0))
+        await told(messages.Paused("server", 0.0), messages.Paused("lost", 3.0))
+        await told(messages.Ended(0, 0, 0.0, True, "/", "horizon"))
+        async with asyncio.timeout(10):
+            sent.extend([json.loads(frame)["type"] async for frame in socket])
+
+    async with serve(talk, "127.0.0.1", 0) as serving:
+        port = next(iter(serving.sockets)).getsockname()[1]
+        await GameClient(f"ws://127.0.0.1:{port}/s/x/socket").play()
+    assert sent == ["hello", "ready", "ready", "ready"]
 
 
 FORM = """<form method="post" action="/s/x/now">

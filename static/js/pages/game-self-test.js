@@ -29,6 +29,7 @@ import { MarksHelp } from '../game/marks-help.js';
 import { parse } from '../game/messages.js';
 import { readingMs } from '../game/notice.js';
 import { OwnKeys } from '../game/own-keys.js';
+import { inOwnLanguage } from '../game/page-config.js';
 import { reloadOnce } from '../game/reload-once.js';
 import { showBowls } from '../game/result.js';
 import { Sound } from '../game/sound.js';
@@ -63,6 +64,7 @@ const MODULES = [
   MarksControl,
   MarksHelp,
   OwnKeys,
+  inOwnLanguage,
   flight,
   reloadOnce,
   showBowls,

@@ -147,7 +147,7 @@ def test_a_backup_of_an_earlier_version_replaces_a_database_of_this_one_as_the_g
 
 def test_tables_of_a_later_version_that_a_restore_left_are_named(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path}/study.db"
-    make_as_of(url, EARLIER[0])
+    make_as_of(url, "0016")  # before there were reports
     writer = engines.WriteConnection(engines.normal_url(url))
     with writer.transaction() as connection:
         study_reports.create(connection)
