@@ -88,7 +88,7 @@ clean:
 	  echo "Python cannot make a virtual environment here (on Debian and Ubuntu: apt-get install python3-venv)." >&2; exit 2; }
 
 .venv/.serving: pyproject.toml | .venv/bin/python
-	@echo "Installing what the server needs into .venv (half a minute, once) ..."
+	@echo "Installing what the server needs into .venv (less than a minute, once) ..."
 	@$(PIP) --editable .
 	@touch $@
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import polars as pl
+import pytest
 
 from analysis.changed_models import changed_models, models_notice
 from analysis.report import write_report
@@ -31,6 +32,7 @@ def test_an_agent_may_differ_from_kitchen_to_kitchen() -> None:
     assert changed_models(pl.concat([rounds("a"), elsewhere])) == []
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_the_report_names_what_changed(planted_folder: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         if name != "episodes":
