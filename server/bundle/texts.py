@@ -15,7 +15,7 @@ from server.study.assignment import Count, StudyFullError, next_condition, parti
 from server.study.definition import Study
 from server.study.factors import crossed
 from server.study.questionnaire import AnyQuestion, Questionnaire, QuestionPage
-from server.study.steps import steps
+from server.study.steps import has_rounds_for_two, steps
 
 USUAL_PEOPLE = 30  # of a condition without a quota
 
@@ -32,11 +32,10 @@ def allocation(study: Study, people: int) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(("participant", "condition", "seed", "episode", "layout", "agent", "episode_seed"))
     held: Counter[str] = Counter()
-    for_two = any(agent.human for agent in study.agents)
     for number in range(people):
         try:
             counts = {name: Count(completed=count) for name, count in held.items()}
-            condition = next_condition(study, counts, number, unpaired=held if for_two else None)
+            condition = next_condition(study, counts, number, unpaired=held if has_rounds_for_two(study) else None)
         except StudyFullError:
             break
         held[condition] += 1

@@ -13,6 +13,7 @@ from server.play.games import Games
 from server.play.recorder import EpisodeRecord
 from server.store.fences import FencedRecorder
 from server.study.loader import StudyError, StudyFile
+from server.study.steps import has_rounds_for_two
 
 
 class ClusterNode:
@@ -71,6 +72,6 @@ class ClusterNode:
 def refuse_pairs(files: list[StudyFile]) -> None:
     """Refuse studies in which people play with people: both must reach the same process. Raises StudyError."""
     for file in files:
-        if any(agent.human for agent in file.study.agents):
+        if has_rounds_for_two(file.study):
             reason = f"{file.source}: two people of one round must reach the same process."
             raise StudyError([f"{reason} Serve this study with one worker, without --redis."])

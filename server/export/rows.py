@@ -182,8 +182,7 @@ def last_tick_text(stored: Any) -> str:
 def pause_rows(chosen: Selection) -> Rows:
     c = pauses.c
     columns = (c.episode_id, c.timestep, c.reason, c.started_at, c.duration_ms, c.seat, c.away_ms)
-    query = select(*columns)
-    query = query.join_from(pauses, episodes)
+    query = select(*columns).join_from(pauses, episodes)
     return (tuple(row) for row in chosen.rows(query.order_by(*_EPISODE_ORDER, c.started_at), _e.study_id))
 
 

@@ -19,7 +19,7 @@ from server.store.participants import NewParticipant, Participant
 from server.store.unpaired import unpaired
 from server.study.assignment import StudyFullError, next_condition, participant_seed
 from server.study.definition import Study
-from server.study.steps import StudyStep
+from server.study.steps import StudyStep, has_rounds_for_two
 
 _QUIZ_FAILED = "quiz_failed"  # kind of the event
 
@@ -128,7 +128,7 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
 def _unpaired(connection: Connection, study_id: int, study: Study, simulated: bool) -> dict[str, int]:
     """Return how many people (or bots) of each condition have not met a partner yet. Those who were not seen for
     `hold_min` may have gone; nobody is sent to wait with them."""
-    if not any(agent.human for agent in study.agents):
+    if not has_rounds_for_two(study):
         return {}
     return unpaired(connection, study_id, places.unseen_before(connection, study, study.hold_min), simulated)
 

@@ -32,6 +32,7 @@ from server.store import studies as stored_studies
 from server.store.database import Database, DatabaseDown
 from server.store.tables import participants
 from server.study.loader import PlacedProblem, StudyError, StudyFile, parse_study
+from server.study.steps import has_rounds_for_two
 from server.study_check import missing_problems
 
 log = logging.getLogger(__name__)
@@ -61,9 +62,8 @@ class StudyVersions:
         self._from_files = frozenset(self._served)
         self._refused: set[str] = set()  # SHA-256 of versions from drafts that cannot be served
         self._stamps = {name: _stamp(Path(file.source)) for name, file in self._served.items()}
-        self._required = required_models(files)
         self._hashes = ModelHashes()
-        self._hashes.loaded(self._required)
+        self._hashes.loaded(required_models(files))
         self._opened_at = dict.fromkeys(self._served, NEVER_CHOSEN)
         self._prepared: dict[str, tuple[int, StudyFile]] = {}  # by SHA-256
         self.changed: dict[str, ChangedStudy] = {}
@@ -192,7 +192,6 @@ class StudyVersions:
             raise StudyError([f"{file.source}: {error}"]) from error
         self._prepared[file.sha256] = (await self._studies.add(database, file), file)
         self._files.append(file)
-        self._required = required_models(self._files)  # another version may have come while the models were loaded
 
     def open(self, version: ServedVersion) -> bool:
         """Serve a version that was prepared to those who come from now on. False: it was not prepared here."""
@@ -240,7 +239,7 @@ class StudyVersions:
         if file.study.name in self._from_files:
             reason = f"{file.study.name!r} is served from a file of this server"
             raise StudyError([f"{file.source}:1: {reason}. Choose another name."])
-        if self._other_processes is not None and any(agent.human for agent in file.study.agents):
+        if self._other_processes is not None and has_rounds_for_two(file.study):
             reason = "two people of one round must reach the same process, and this server has several"
             raise StudyError([f"{file.source}:1: {reason}. Serve the study with one worker."])
         await self._have(database, await asyncio.to_thread(self._usable, file))
@@ -279,7 +278,6 @@ class StudyVersions:
                 log.warning("participants of an earlier version of %s play without its models: %s", study.name, error)
             else:
                 self._files.append(file)
-                self._required = required
 
     async def _load(self, required: RequiredModels) -> None:
         await self._models.add(required.agents, required.predictors, required.grids, required.paths)

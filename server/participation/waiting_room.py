@@ -99,7 +99,7 @@ class WaitingRoom:
         return self._waiting.get(waiter.participant) is waiter and not waiter.busy
 
     async def _serve(self, waiter: _Waiter, other: _Waiter | None) -> None:
-        if other is None and self._left_s(waiter) > 0 and not await self._waits_in_vain(waiter):
+        if other is None and self._left_s(waiter) > 0 and not await self._partner_has_left(waiter):
             self._tell(waiter)
             return
         if not self._is_free(waiter):  # they left while the database was read
@@ -123,7 +123,7 @@ class WaitingRoom:
                     self._remember(one)
                 self._dismiss(one, CloseCode.GAME_READY, "there is a game now")
 
-    async def _waits_in_vain(self, waiter: _Waiter) -> bool:
+    async def _partner_has_left(self, waiter: _Waiter) -> bool:
         """Return whether the only person who could come has left the study: withdrawn, screened out or timed out."""
         now = self._clock.now() / self._clock.speed
         if waiter.request.partner is None or now - waiter.asked_at < ASK_EVERY_S:

@@ -10,7 +10,6 @@ from pydantic import BaseModel
 from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Condition, Study
 from server.study.locale import languages, refusal
-from server.study.mends import Mend, insert, keep_only, leave_out, write
 from server.study.published_scales import scale_languages
 from server.study.questionnaire import (
     ChoiceQuestion,
@@ -21,6 +20,7 @@ from server.study.questionnaire import (
     asked,
     questions_of,
 )
+from server.study.quick_fixes import QuickFix, insert, keep_only, leave_out, write
 from server.study.steps import episodes_of, episodes_of_a_block, order_of_all_blocks
 from server.study.text import Text
 
@@ -31,14 +31,14 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem at a place of the file. A warning does not prevent serving the study. `mend`: what the study builder
+    """A problem at a place of the file. A warning does not prevent serving the study. `fix`: what the study builder
     offers, where one small change solves it."""
 
     path: Path
     reason: str
     remedy: str
     warning: bool = False
-    mend: Mend | None = None
+    fix: QuickFix | None = None
 
     @property
     def sentences(self) -> str:
@@ -135,12 +135,12 @@ def _unknown_languages(wanted: tuple[str, ...]) -> Iterator[Problem]:
 def _flow(study: Study) -> Iterator[Problem]:
     known = [*FIXED_PAGES, *study.pages, *study.questionnaires]
     for index, entry in enumerate(study.flow):
-        mend = leave_out(f"Take {entry} out of the flow", ("flow", index))
+        fix = leave_out(f"Take {entry} out of the flow", ("flow", index))
         if entry not in known:
-            yield Problem(("flow", index), f"there is no page {entry!r}", f"Known: {', '.join(known)}.", mend=mend)
+            yield Problem(("flow", index), f"there is no page {entry!r}", f"Known: {', '.join(known)}.", fix=fix)
         if entry in study.flow[:index]:
             remedy = "Each page comes once; copy it under another key."
-            yield Problem(("flow", index), f"{entry!r} comes twice", remedy, mend=mend)
+            yield Problem(("flow", index), f"{entry!r} comes twice", remedy, fix=fix)
     if study.flow[-1] != "thanks":
         yield Problem(
             ("flow",), "`flow` does not end with thanks", "Make `thanks` the last entry: it gives the completion code."
@@ -152,8 +152,8 @@ def _flow(study: Study) -> Iterator[Problem]:
     for block, keys in (("pages", study.pages), ("questionnaires", study.questionnaires)):
         for key in keys:
             if key not in study.flow and key != study.after_episode:
-                mend = insert(f"Put {key} before the last page", ("flow",), len(study.flow) - 1, key)
-                yield Problem((block, key), f"nobody reaches {key!r}", "Add it to `flow`, or remove it.", mend=mend)
+                fix = insert(f"Put {key} before the last page", ("flow",), len(study.flow) - 1, key)
+                yield Problem((block, key), f"nobody reaches {key!r}", "Add it to `flow`, or remove it.", fix=fix)
     if study.after_episode and study.after_episode not in study.questionnaires:
         yield Problem(
             ("after_episode",), f"there is no questionnaire {study.after_episode!r}", "Name one of `questionnaires`."
@@ -196,7 +196,7 @@ def _unknown_conditions(names: tuple[str, ...], known: set[str], path: Path) -> 
     label = f"Ask in {', '.join(left)} only" if left else "Ask in all conditions"
     for name in set(names) - known:
         remedy = f"Known: {', '.join(sorted(known))}."
-        yield Problem(path, f"there is no condition {name!r}", remedy, mend=keep_only(label, path, left))
+        yield Problem(path, f"there is no condition {name!r}", remedy, fix=keep_only(label, path, left))
 
 
 def _scale_languages(study: Study, entry: PublishedScale, path: Path) -> Iterator[Problem]:
@@ -236,8 +236,8 @@ def _episodes(study: Study) -> Iterator[Problem]:
     yield from _breaks(study, episodes_of_a_block(study) * study.blocks)
     if study.order.rule == "paper" and len(study.agents) != 2:
         remedy = "List two agents, or use `latin_square`."
-        mend = write("Use latin_square", ("order", "rule"), "latin_square")
-        yield Problem(("order", "rule"), "the paper's rule alternates two agents", remedy, mend=mend)
+        fix = write("Use latin_square", ("order", "rule"), "latin_square")
+        yield Problem(("order", "rule"), "the paper's rule alternates two agents", remedy, fix=fix)
     if study.game.deadline_ms >= study.game.tick_ms:
         yield Problem(
             ("game", "deadline_ms"), "the models' deadline lies beyond the tick", "Make it shorter than `tick_ms`."
@@ -252,12 +252,12 @@ def _breaks(study: Study, count: int) -> Iterator[Problem]:
     """Check that each break lies between two of `count` episodes: fewer kitchens or agents are fewer episodes."""
     left = [number for number in study.breaks.after if 1 <= number < count]
     label = "Leave this break out" if len(left) + 1 == len(study.breaks.after) else "Leave these breaks out"
-    mend = keep_only(label, ("breaks", "after"), left)
+    fix = keep_only(label, ("breaks", "after"), left)
     for index, number in enumerate(study.breaks.after):
         if number not in left:
             remedy = f"Use 1 to {count - 1}." if count > 1 else "Leave `breaks.after` empty: the study has one episode."
             reason = f"there is no break after episode {number}"
-            yield Problem(("breaks", "after", index), reason, remedy, mend=mend)
+            yield Problem(("breaks", "after", index), reason, remedy, fix=fix)
 
 
 def _two_people(study: Study) -> Iterator[Problem]:
@@ -276,8 +276,8 @@ def _two_people(study: Study) -> Iterator[Problem]:
         if study.order.rule != "fixed":
             reason = "two people have to come to the same round at the same time"
             remedy = "Use `rule: fixed` where an agent is `human: true`."
-            mend = write("Use fixed", ("order", "rule"), "fixed")
-            yield Problem(("order", "rule"), reason, remedy, mend=mend)
+            fix = write("Use fixed", ("order", "rule"), "fixed")
+            yield Problem(("order", "rule"), reason, remedy, fix=fix)
         if agent.predictor is None and any(map(study.shows_predictions, study.conditions)):
             reason = "marks are to be shown, but there is no predictor for a person"
             remedy = "Add `predictor:`, e.g. that of an agent who plays much like people: `fcp_predictor_stream`."

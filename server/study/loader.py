@@ -15,9 +15,9 @@ from server.study.checks import Path, Problem, problems
 from server.study.definition import Study
 from server.study.display_checks import display_problems
 from server.study.factor_checks import factor_problems, in_factors
-from server.study.mends import Mend
 from server.study.own_languages import LanguageError, use_languages_beside
 from server.study.plan_checks import plan_problems
+from server.study.quick_fixes import QuickFix
 from server.study.recruitment_checks import recruitment_problems
 from server.study.validation_messages import mistakes
 
@@ -39,7 +39,7 @@ class PlacedProblem:
     path: Path
     text: str
     warning: bool = False
-    mend: Mend | None = None
+    fix: QuickFix | None = None
 
 
 class StudyError(ValueError):
@@ -107,7 +107,7 @@ class LineNumbers:
     def placed(self, problem: Problem) -> PlacedProblem:
         """Return the same for an editor."""
         path = self.nearest(problem.path)
-        return PlacedProblem(self.line(path), path, self._sentence(problem), problem.warning, problem.mend)
+        return PlacedProblem(self.line(path), path, self._sentence(problem), problem.warning, problem.fix)
 
     def error(self, found: Sequence[Problem]) -> StudyError:
         """Return all problems as one error."""

@@ -6,8 +6,8 @@ from typing import Any
 from server.study.analysis_plan import PrimaryTest
 from server.study.checks import Path, Problem
 from server.study.definition import Condition, Study
-from server.study.mends import leave_out
 from server.study.questionnaire import ScaleQuestion, asked
+from server.study.quick_fixes import leave_out
 
 
 def plan_problems(study: Study) -> Iterator[Problem]:
@@ -114,8 +114,8 @@ def _measures(study: Study, seen: Condition) -> Iterator[str]:
 def _known_once(parts: Sequence[Any], names: Sequence[str], path: Path, kind: str) -> Iterator[Problem]:
     known = [part.name for part in parts]
     for index, name in enumerate(names):
-        mend = None if kind == "condition" else leave_out(f"Leave {name} out", (*path, index))
+        fix = None if kind == "condition" else leave_out(f"Leave {name} out", (*path, index))
         if name not in known:
-            yield Problem((*path, index), f"there is no {kind} {name!r}", f"Known: {', '.join(known)}.", mend=mend)
+            yield Problem((*path, index), f"there is no {kind} {name!r}", f"Known: {', '.join(known)}.", fix=fix)
         if name in names[:index]:
-            yield Problem((*path, index), f"{name!r} is there twice", "Name each once.", mend=mend)
+            yield Problem((*path, index), f"{name!r} is there twice", "Name each once.", fix=fix)

@@ -1,11 +1,12 @@
-"""Check that the recruitment of a study file fits the study, and that nobody is left without a way back. Pure: yields
-problems."""
+"""Check that the recruitment of a study file fits the study, and that all people get a code and a way back. Pure:
+yields problems."""
 
 from collections.abc import Iterator
 
 from server.study.checks import Problem
 from server.study.definition import Study
-from server.study.mends import write
+from server.study.quick_fixes import write
+from server.study.steps import has_rounds_for_two
 
 
 def recruitment_problems(study: Study) -> Iterator[Problem]:
@@ -13,8 +14,8 @@ def recruitment_problems(study: Study) -> Iterator[Problem]:
     recruitment = study.recruitment
     if recruitment.source != "none" and not recruitment.required:
         reason = "who opens the link without an id takes a place, cannot be paid, and can take part again"
-        mend = write("Refuse such links", ("recruitment", "required"), True)
-        yield Problem(("recruitment", "required"), reason, "Set `required: true`.", warning=True, mend=mend)
+        fix = write("Refuse such links", ("recruitment", "required"), True)
+        yield Problem(("recruitment", "required"), reason, "Set `required: true`.", warning=True, fix=fix)
     if recruitment.required and recruitment.person_parameter is None:
         yield Problem(("recruitment", "required"), "no parameter has the person's id", "Set `person:` or a `source`.")
     known = {"code", "person", *recruitment.extra_parameters}
@@ -35,8 +36,8 @@ def recruitment_problems(study: Study) -> Iterator[Problem]:
         reason = "people who are screened out get no code, and cannot end their submission at Prolific"
         remedy = "Add `code:` as shown by Prolific."
         yield Problem(("recruitment", "screened_out"), reason, remedy, warning=True)
-    may_wait_in_vain = any(agent.human for agent in study.agents) and study.waiting_room.fallback == "leave"
-    if recruitment.source == "prolific" and not recruitment.unpaired.code and may_wait_in_vain:
+    partner_may_not_come = has_rounds_for_two(study) and study.waiting_room.fallback == "leave"
+    if recruitment.source == "prolific" and not recruitment.unpaired.code and partner_may_not_come:
         reason = "people whose partner does not arrive get a code that Prolific does not know"
         remedy = "Add `code:` as shown by Prolific."
         yield Problem(("recruitment", "unpaired"), reason, remedy, warning=True)
@@ -45,14 +46,14 @@ def recruitment_problems(study: Study) -> Iterator[Problem]:
 
 def _odd_quotas(study: Study) -> Iterator[Problem]:
     """Yield a warning about each condition of a study for two in which the last person finds no partner."""
-    if not any(agent.human for agent in study.agents) or study.factors:
+    if not has_rounds_for_two(study) or study.factors:
         return
     for index, condition in enumerate(study.conditions):
         if condition.quota is not None and condition.quota % 2:
             path = ("conditions", index, "quota")
             reason = f"of {condition.quota} people, one finds no partner"
-            mend = write(f"Make it {condition.quota + 1}", path, condition.quota + 1)
-            yield Problem(path, reason, f"Write {condition.quota + 1}.", warning=True, mend=mend)
+            fix = write(f"Make it {condition.quota + 1}", path, condition.quota + 1)
+            yield Problem(path, reason, f"Write {condition.quota + 1}.", warning=True, fix=fix)
 
 
 def _screens_out(study: Study) -> bool:

@@ -36,6 +36,11 @@ class StudyStep:
         return "quiz" if self.kind == "quiz" else self.page if self.kind == "questionnaire" else ""
 
 
+def has_rounds_for_two(study: Study) -> bool:
+    """Return whether participants play rounds with each other."""
+    return any(agent.human for agent in study.agents)
+
+
 def step_address(study: str) -> str:
     """Return the address at which every step of a study is shown and submitted."""
     return f"/s/{study}/now"

@@ -83,7 +83,7 @@ def _problems(file: StudyFile, versions: Versions, loads: bool = False) -> list[
 
 def _told(problem: PlacedProblem) -> dict[str, Any]:
     told = {"line": problem.line, "path": problem.path, "text": problem.text, "warning": problem.warning}
-    return told if problem.mend is None else told | {"mend": asdict(problem.mend)}
+    return told if problem.fix is None else told | {"fix": asdict(problem.fix)}
 
 
 @router.post("/markdown")

@@ -55,10 +55,10 @@ export function leadTo(form, path) {
  * @param {Change} change
  * @returns {HTMLElement[]}
  */
-export function mendButton({ mend }, change) {
-  if (!mend) return [];
-  const button = make('button', { className: 'btn tiny mend', type: 'button', text: mend.label });
-  button.addEventListener('click', () => change(mend.operation));
+export function quickFixButton({ fix }, change) {
+  if (!fix) return [];
+  const button = make('button', { className: 'btn tiny fix', type: 'button', text: fix.label });
+  button.addEventListener('click', () => change(fix.operation));
   return [button];
 }
 
@@ -76,7 +76,7 @@ export function showProblems(form, problems, change) {
     const place = nearestBlock(form, problem.path);
     const words = place?.querySelector(':scope > .wrong, :scope > .inside > .wrong');
     if (!(place instanceof HTMLElement) || !(words instanceof HTMLElement)) continue;
-    words.replaceChildren(...withCode(problem.text), ' ', ...mendButton(problem, change));
+    words.replaceChildren(...withCode(problem.text), ' ', ...quickFixButton(problem, change));
     words.className = `wrong${problem.warning ? ' warn' : ''}`;
     words.hidden = false;
     if (problem.warning) continue;

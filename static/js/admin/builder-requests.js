@@ -4,8 +4,8 @@ import { find } from '../browser/dom.js';
 import { root } from '../browser/addresses.js';
 
 /** @typedef {import('./builder-session.js').Operation} Operation */
-/** @typedef {{ label: string, operation: Operation }} Mend a change that solves a problem */
-/** @typedef {{ line: number, path: (string | number)[], text: string, warning: boolean, mend?: Mend }} Problem */
+/** @typedef {{ label: string, operation: Operation }} QuickFix a change that solves a problem */
+/** @typedef {{ line: number, path: (string | number)[], text: string, warning: boolean, fix?: QuickFix }} Problem */
 /** @typedef {{ text: string, values: any, problems: Problem[], refused: string,
  *   own: import('./builder-own-models.js').OwnModels }} View */
 /** @typedef {{ status: number, body: any }} Answer */

@@ -6,7 +6,7 @@ import { askForText } from './builder-conflict.js';
 import { keyOf } from './builder-fields.js';
 import { DraftForm } from './builder-form.js';
 import { KitchenDialog } from './builder-kitchens.js';
-import { leadTo, mendButton } from './builder-problems.js';
+import { leadTo, quickFixButton } from './builder-problems.js';
 import { DraftRequests } from './builder-requests.js';
 import { DraftSaving, SAVING } from './builder-saving.js';
 import { DraftSession } from './builder-session.js';
@@ -155,7 +155,7 @@ function list(problems) {
     return make(
       'li',
       { className: one.warning ? 'warn' : 'bad' },
-      make('div', {}, line, field, ...mendButton(one, change)),
+      make('div', {}, line, field, ...quickFixButton(one, change)),
     );
   });
   const none = make('li', { className: 'none', text: 'No problems: the study can be opened.' });

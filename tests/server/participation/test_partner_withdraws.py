@@ -9,7 +9,7 @@ from sqlalchemy import Connection, select
 
 import kitchenmind
 from server.participation import pairing, progress
-from server.participation.seating import Seating
+from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
 from server.play.recorder import EpisodeResult
 from server.store import episodes, events, participants
@@ -73,6 +73,13 @@ class Pair:
             await self.database.write(episodes.end, result)
         return made.id
 
+    async def come_to(self, number: int) -> ConnectedPlayer:
+        """The one who stays opens the page of a round; their game."""
+        self.walk_to(self.stays, f"episode-{number:02d}")
+        found = await self.seating.find(self.tokens[0], "pairs")
+        assert found is not None
+        return found
+
     def noted(self, kind: str) -> list[dict[str, Any]]:
         return [dict(one.detail) for one in self.database.read_now(events.of_participant, self.stays, kind)]
 
@@ -108,8 +115,7 @@ async def test_all_later_rounds_are_played_alone_because_the_partner_left(make: 
     await pair.play(1)
     pair.database.write_now(withdraw, pair.leaves)
     for number in (2, 3):
-        pair.walk_to(pair.stays, f"episode-{number:02d}")
-        game = await pair.seating.find(pair.tokens[0], "pairs")
+        game = await pair.come_to(number)
         assert game.episode is not None
         await pair.database.write(
             episodes.end, EpisodeResult(game.episode, "done", "horizon", 60, 3, 9.0, True, "0" * 16)
@@ -123,8 +129,7 @@ async def test_an_agent_in_the_partners_place_is_news_in_the_first_round_with_it
     await pair.play(1)
     pair.database.write_now(withdraw, pair.leaves)
     for number in (2, 3):
-        pair.walk_to(pair.stays, f"episode-{number:02d}")
-        game = await pair.seating.find(pair.tokens[0], "pairs")
+        game = await pair.come_to(number)
         here = pair.now(pair.stays)
         expects = pair.database.read_now(pairing.expects_partner, pair.studies, here, pair.studies.step(here))
         assert expects == (number == 2)

@@ -60,7 +60,7 @@ def status(database: Database, who: Participant) -> str:
 def test_a_new_version_does_not_fill_the_quotas_once_more(database: Database, studies: Studies) -> None:
     for _ in range(3):
         arrive(database, studies)
-    open_version(database, studies, TWO_EACH.replace("A small study", "A small study, typo mended") + "\n")
+    open_version(database, studies, TWO_EACH.replace("A small study", "A small study, typo corrected") + "\n")
     arrive(database, studies)
     with pytest.raises(StudyFullError):
         arrive(database, studies)

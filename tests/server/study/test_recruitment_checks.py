@@ -1,4 +1,4 @@
-"""What `study check` says about recruitment: nobody who worked is left without a way back."""
+"""What `study check` says about recruitment: everybody gets a code and a way back."""
 
 import re
 
@@ -23,8 +23,8 @@ def test_a_recruiters_link_without_an_id_is_pointed_out_and_refused_with_one_cli
     (doubt,) = [one for one in view(text).problems if one.path == ("recruitment",)]
     assert "can take part again" in doubt.text
     assert doubt.warning
-    assert doubt.mend is not None
-    file = view(changed(text, dict(doubt.mend.operation))).file
+    assert doubt.fix is not None
+    file = view(changed(text, dict(doubt.fix.operation))).file
     assert file is not None
     assert file.study.recruitment.required
     assert not file.doubts
@@ -41,7 +41,7 @@ def test_people_whom_prolific_pays_need_a_code_where_attention_checks_or_the_qui
     assert not warnings("{source: sona, required: true}", screens)
 
 
-def test_people_who_wait_in_vain_for_a_partner_need_a_code_that_prolific_knows() -> None:
+def test_people_whose_partner_does_not_come_need_a_code_that_prolific_knows() -> None:
     pairs = (ROOT / "studies" / "two_people.yaml").read_text(encoding="utf-8")
     pairs = re.sub(r"(?m)^(waiting_room|recruitment):.*\n(  .*\n)*", "", pairs)
     leaves, stays = "waiting_room: {fallback: leave}", "waiting_room: {fallback: agent}"
@@ -56,15 +56,15 @@ def test_people_who_wait_in_vain_for_a_partner_need_a_code_that_prolific_knows()
     assert not doubts(f"{PAID}, unpaired: {{code: C4ALONE}}}}", leaves)
 
 
-def test_an_odd_quota_of_a_study_for_two_is_pointed_out_and_mended_with_one_click() -> None:
+def test_an_odd_quota_of_a_study_for_two_is_pointed_out_and_corrected_with_one_click() -> None:
     pairs = (ROOT / "studies" / "two_people.yaml").read_text(encoding="utf-8")
     odd = pairs.replace("{name: tom, predictor: tom}", "{name: tom, predictor: tom, quota: 45}")
     assert odd != pairs
     (doubt,) = [one for one in view(odd).problems if "quota" in one.path]
     assert "of 45 people, one finds no partner" in doubt.text
     assert doubt.warning
-    assert doubt.mend is not None
-    even = changed(odd, dict(doubt.mend.operation))
+    assert doubt.fix is not None
+    even = changed(odd, dict(doubt.fix.operation))
     assert "quota: 46" in even
     assert not [one for one in view(even).problems if "quota" in one.path]
     alone = SMALL_STUDY.replace("predictor: tom}", "predictor: tom, quota: 45}", 1)

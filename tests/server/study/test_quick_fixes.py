@@ -43,21 +43,21 @@ def wrong(text: str) -> list[PlacedProblem]:
 def test_one_click_solves_each_problem(text: str, labels: list[str]) -> None:
     clicked = []
     while problems := wrong(text):
-        assert problems[0].mend is not None, problems[0]
-        clicked.append(problems[0].mend.label)
-        text = changed(text, dict(problems[0].mend.operation))
+        assert problems[0].fix is not None, problems[0]
+        clicked.append(problems[0].fix.label)
+        text = changed(text, dict(problems[0].fix.operation))
     assert clicked == labels
     assert view(text).file is not None
 
 
 def test_breaks_that_are_still_between_rounds_stay() -> None:
     (problem,) = wrong(THREE_KITCHENS)
-    assert problem.mend is not None
-    study = view(changed(THREE_KITCHENS, dict(problem.mend.operation))).file
+    assert problem.fix is not None
+    study = view(changed(THREE_KITCHENS, dict(problem.fix.operation))).file
     assert study is not None
     assert study.study.breaks.after == (4,)
 
 
 def test_a_problem_that_needs_a_decision_has_no_button() -> None:
     (problem,) = wrong(PAPER.replace("deadline_ms: 120", "deadline_ms: 300"))
-    assert problem.mend is None
+    assert problem.fix is None

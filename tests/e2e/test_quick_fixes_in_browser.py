@@ -26,8 +26,8 @@ def test_kitchens_are_taken_out_of_the_published_study_without_correcting_anythi
     page.get_by_role("button", name="Remove Agents 2").click()
     lists_fit_a_phone(page)
     page.locator("#problems").get_by_role("button", name="Use latin_square", exact=True).click()
-    expect(at(page, "order", "rule").locator(".mend")).to_be_hidden()
-    expect(at(page, "breaks", "after").locator(".mend")).to_have_text("Leave these breaks out")
+    expect(at(page, "order", "rule").locator(".fix")).to_be_hidden()
+    expect(at(page, "breaks", "after").locator(".fix")).to_have_text("Leave these breaks out")
     page.locator("#problems").get_by_role("button", name="Leave these breaks out").first.click()
     expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened.")
     expect(page.locator("#save-state")).to_have_text("Saved")
@@ -60,8 +60,8 @@ def lists_fit_a_phone(page: Page) -> None:
     desktop, draft = page.viewport_size, page.url
     page.set_viewport_size({"width": 390, "height": 844})
     page.get_by_role("button", name="Problems").first.click()
-    mend = page.locator("#problems .mend").first
-    assert mend.evaluate("button => button.scrollWidth <= button.clientWidth + 1"), "its words are inside the button"
+    fix = page.locator("#problems .fix").first
+    assert fix.evaluate("button => button.scrollWidth <= button.clientWidth + 1"), "its words are inside the button"
     expect(page.locator("#save-state")).to_have_text("Saved")
     page.goto(f"{draft}/history")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
