@@ -5,7 +5,7 @@
                                               and the effect that `kitchenmind power --simulated-effect` takes
 
 The participants are programs that are built so that foresight can help: no evidence about people. They play with the
-bundled agents, without predictions, with random ones, with those of the bundled predictors (ToM) and with the agent's
+strong agents, without predictions, with random ones, with those of the bundled predictors (ToM) and with the agent's
 true next actions: see support/foresight_games.py. Two seeds, each with people and chance of its own, are published
 side by side.
 """

@@ -19,8 +19,8 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
-from benchmarks.support import kept_figures, published_recipe, results_tables  # noqa: E402
-from benchmarks.support.results_tables import AGENTS, HUMAN, LAYOUTS, PLANNER  # noqa: E402
+from benchmarks.support import kept_figures, results_tables  # noqa: E402
+from benchmarks.support.results_tables import AGENTS, FORMS, HUMAN, LAYOUTS, PLANNER, SETS  # noqa: E402
 from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 
@@ -101,21 +101,28 @@ def summary(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) ->
 def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> str:
     """Return the tables in docs/explanation/results.md, markers included."""
     sections = [_accuracy(entries), _points(figures), _with_human(entries, figures), _next_interactions(entries)]
-    sections.append(_published_recipe())
     lines = [line for section in sections for line in section]
     return "\n".join([BEGIN, results_tables.WARNING, "", *lines, END])
 
 
 def _accuracy(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the accuracy of the bundled predictors."""
-    tables = results_tables.accuracy(entries, AGENTS, ("stream",))
-    return ["Accuracy of the predictors (%, mean of the three steps):", "", *tables, ""]
+    """Return the accuracy of the predictors of both sets of agents."""
+    return [
+        "Accuracy of the predictors of the published agents (%, mean of the three steps; `window` is the paper's form):",
+        "",
+        *results_tables.accuracy(entries, SETS["published"], FORMS),
+        "",
+        "Accuracy of the predictors of the strong agents, with the same test partners:",
+        "",
+        *results_tables.accuracy(entries, SETS["strong"], ("stream",)),
+        "",
+    ]
 
 
 def _points(figures: Mapping[str, Any]) -> list[str]:
     return [
-        "Points of the agents in 400 timesteps (± standard error; held-out: partners that neither agent was "
-        "trained with, the same for both):",
+        "Points of the agents in 400 timesteps (± standard error; held-out: partners that none of the four was",
+        "trained with, the same for all):",
         "",
         *results_tables.points(figures["agents"]),
         "",
@@ -138,14 +145,10 @@ def _next_interactions(entries: Sequence[Mapping[str, Any]]) -> list[str]:
         "correctly 1, 2 and 4 s before it is done, and in parentheses the kind alone (%). Test partners as above.",
         "",
     ]
-    return [*lines, *results_tables.next_interactions(entries, AGENTS, "stream"), ""]
-
-
-def _published_recipe() -> list[str]:
-    """Return the tables of what the preset `published` has finished."""
-    accuracy = results_tables.accuracy(published_recipe.predictors(), AGENTS, ("window", "stream"))
-    points = results_tables.points(published_recipe.agents())
-    return [*published_recipe.WORDS, "", *accuracy, "", *points, ""]
+    for name, form in (("published", "window"), ("strong", "stream")):
+        table = results_tables.next_interactions(entries, SETS[name], form)
+        lines += [f"The {name} agents, form `{form}`:", "", *table, ""]
+    return lines
 
 
 if __name__ == "__main__":

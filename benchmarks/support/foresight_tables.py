@@ -9,6 +9,11 @@ from benchmarks.support.foresight_games import FRESH_SEED, NONE, RANDOM, TOM, TR
 BEGIN, END = "<!-- tables of benchmarks/foresight.py -->", "<!-- end of the tables -->"
 
 
+def _kind_of(agent: str) -> str:
+    """Return SP for `sp_strong`: the tables have one set of agents."""
+    return agent.removesuffix("_strong").upper()
+
+
 def _interval(found: Mapping[str, float] | None) -> str:
     if found is None:
         return "not yet played"
@@ -21,7 +26,7 @@ def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
         BEGIN,
         f"Simulated participants of version {figures['version']}; {figures['processor']}. Every cell has "
         f"{figures['episodes']} episodes of {figures['horizon']} timesteps, in half of them with the participant on "
-        "the second seat.",
+        "the second seat. The agents are `sp_strong` and `fcp_strong`, the predictors those of the stream form.",
         "",
     ]
     for run in figures["runs"]:
@@ -47,7 +52,7 @@ def _main_tables(figures: Mapping[str, Any]) -> list[str]:
     head = ["kitchen", "agent", "none", "random - none", "ToM - none", "true - none", "ToM accuracy"]
     rows = [
         [
-            title[row["layout"]], row["agent"].upper(), _number(row, NONE, "points", ".0f"),
+            title[row["layout"]], _kind_of(row["agent"]), _number(row, NONE, "points", ".0f"),
             *(_interval(row.get(shown, {}).get("difference")) for shown in kinds), _number(row, TOM, "accuracy", ".0%"),
         ]
         for row in main
@@ -58,7 +63,7 @@ def _main_tables(figures: Mapping[str, Any]) -> list[str]:
     rows = [
         [
             title[row["layout"]],
-            row["agent"].upper(),
+            _kind_of(row["agent"]),
             *(_number(row, one, "collisions", ".1f") for one in (NONE, *kinds)),
         ]
         for row in main

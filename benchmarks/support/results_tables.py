@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 LAYOUTS: Final = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
-AGENTS: Final = ("sp", "fcp")
+SETS: Final = {"published": ("sp", "fcp"), "strong": ("sp_strong", "fcp_strong")}
+AGENTS: Final = (*SETS["published"], *SETS["strong"])
 FORMS: Final = ("window", "stream")
 HUMAN, PLANNER = "human_bc", "planner"
 PUBLISHED: Final = {  # the paper's accuracy (%), mean of the three steps, in the order of LAYOUTS
@@ -15,8 +16,8 @@ PUBLISHED: Final = {  # the paper's accuracy (%), mean of the three steps, in th
 }
 WARNING: Final = """\
 The figures are not directly comparable with the paper's. Only Coordination Ring is the published grid; the other four
-are redrawn from its pictures. All agents were trained here, on fewer timesteps, and act almost deterministically, which
-makes them easier to predict (see the ceiling). Accuracy is measured with partner agents that were used neither for
+are redrawn from its pictures. All agents were trained here and act almost deterministically, which makes them easier to
+predict (see the ceiling). Accuracy is measured with partner agents that were used neither for
 training nor for early stopping."""
 
 Entry = Mapping[str, Any]
@@ -25,8 +26,13 @@ Row = list[str]
 
 
 def label(agent: str) -> str:
-    """Return how the tables name an agent."""
-    return "two planners (scripted)" if agent == PLANNER else agent.upper()
+    """Return how the tables name an agent: as a study does."""
+    return "two planners (scripted)" if agent == PLANNER else f"`{agent}`"
+
+
+def kind(agent: str) -> str:
+    """Return the paper's name of an agent's kind, in lower case: sp or fcp."""
+    return agent.removesuffix("_strong")
 
 
 def cells(entries: Sequence[Entry]) -> Cells:
@@ -48,14 +54,14 @@ def summary(entries: Sequence[Entry], agents: Sequence[Entry]) -> Row:
     """Return the lines of the small table in README.md."""
     found = cells(entries)
     rows = []
-    for agent in AGENTS:
-        ours = [found[layout, agent, "stream"] for layout in LAYOUTS]
+    for agent in SETS["published"]:
+        ours = [found[layout, agent, "window"] for layout in LAYOUTS]
         accuracy = [f"{entry['accuracy']['mean']:.1f} ({entry['ceiling_step1']:.0f})" for entry in ours]
-        rows.append([f"{agent.upper()}: accuracy in % (ceiling of step 1)", *accuracy])
+        rows.append([f"{label(agent)}: accuracy in % (ceiling of step 1)", *accuracy])
         rows.append(["the paper's", *(f"{value:.1f}" for value in PUBLISHED[agent, "offline"])])
     points = _points_by_cell(agents)
     rows += [
-        [f"{agent.upper()}, held-out partners: points", *(points[agent, name, "held_out"] for name in LAYOUTS)]
+        [f"{label(agent)}, held-out partners: points", *(points[agent, name, "held_out"] for name in LAYOUTS)]
         for agent in AGENTS
     ]
     return table(head(), rows)
@@ -67,11 +73,11 @@ def accuracy(entries: Sequence[Entry], agents: Sequence[str], forms: Sequence[st
     found = cells(entries)
     rows, below = [], []
     for agent in agents:
-        rows.append([f"{label(agent)}, the paper", *(f"{value:.2f}" for value in PUBLISHED[agent, "offline"])])
+        rows.append([f"{label(agent)}, the paper", *(f"{value:.2f}" for value in PUBLISHED[kind(agent), "offline"])])
         for form in forms:
             ours = [found.get((layout, agent, form)) for layout in LAYOUTS]
             rows += _rows_of_form(f"{label(agent)}, {form}", ours)
-            papers = zip(head()[1:], ours, PUBLISHED[agent, "offline"], strict=True)
+            papers = zip(head()[1:], ours, PUBLISHED[kind(agent), "offline"], strict=True)
             below += [
                 f"{label(agent)} ({form}) in {name}"
                 for name, entry, paper in papers
@@ -141,7 +147,7 @@ def with_human(entries: Sequence[Entry], measured: Sequence[Entry]) -> Row:
     for entry in measured:
         agent, form = entry["agent"], entry["form"]
         offline = found[entry["layout"], agent, form]["accuracy"]["mean"]
-        published = (f"{PUBLISHED[agent, when][0]:.2f}" for when in ("offline", "with humans"))
+        published = (f"{PUBLISHED[kind(agent), when][0]:.2f}" for when in ("offline", "with humans"))
         figures = [offline, entry["accuracy"]["mean"]]
         rows.append(
             [

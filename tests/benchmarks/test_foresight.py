@@ -36,12 +36,12 @@ def foresight() -> ModuleType:
 
 def test_true_arrows_come_true_and_mixed_ones_as_often_as_wanted() -> None:
     for right, low, high in ((1.0, 0.97, 1.0), (0.48, 0.38, 0.58)):
-        found = played(Cell("coordination_ring", "sp", "true", "all", right), 4, 60)
+        found = played(Cell("coordination_ring", "sp_strong", "true", "all", right), 4, 60)
         assert low <= np.mean(found["accuracy"]) <= high
 
 
 def test_the_same_cell_gives_the_same_episodes() -> None:
-    cell = Cell("double_rings", "fcp", "random")
+    cell = Cell("double_rings", "fcp_strong", "random")
     one, two = (played(cell, 3, 40) for _ in range(2))
     assert one == two
 
@@ -49,7 +49,7 @@ def test_the_same_cell_gives_the_same_episodes() -> None:
 def test_conditions_share_people_seats_and_chance_and_seeds_share_none() -> None:
     layout = load_layout("matrix")
     none, tom, fresh = (
-        foresight_games._begun(layout, Cell("matrix", "sp", shown, seed=seed), range(5, 8), 1)
+        foresight_games._begun(layout, Cell("matrix", "sp_strong", shown, seed=seed), range(5, 8), 1)
         for shown, seed in (("none", FIRST_SEED), ("tom", FIRST_SEED), ("none", FRESH_SEED))
     )
     assert (none.participants.minds == tom.participants.minds).all()
@@ -67,7 +67,7 @@ def test_the_interval_is_that_of_a_paired_t_test() -> None:
 
 
 def test_tables_say_what_is_not_yet_played() -> None:
-    cell = Cell("matrix", "sp", "none")
+    cell = Cell("matrix", "sp_strong", "none")
     run = ForesightSummary({cell.name: {"points": [20, 40], "collisions": [1, 3], "accuracy": [np.nan] * 2}}).figures()
     figures = {"processor": "x", "version": 2, "episodes": 2, "horizon": 400, "runs": [{"seed": FRESH_SEED} | run]}
     text = rendered(figures, {"fitted games": {}, "held-out games": {}})

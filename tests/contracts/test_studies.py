@@ -74,7 +74,7 @@ def test_published_study_is_as_published() -> None:
     assert [condition.predictor for condition in study.conditions] == ["none", "random", "tom"]
     assert {condition.weight for condition in study.conditions} == {1}
     assert (study.game.tick_ms, study.game.horizon, study.game.human_seat) == (200, 400, 0)
-    assert (study.predictor.form, study.predictor.steps_shown, study.order.rule) == ("stream", 3, "paper")
+    assert (study.predictor.form, study.predictor.steps_shown, study.order.rule) == ("window", 3, "paper")
     questions = study.questions("teamwork")
     assert [question.text.of("en") for question in questions] == [
         "How satisfied are you with your AI teammate?",
