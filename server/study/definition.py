@@ -215,6 +215,9 @@ class Study(StrictModel):
     """After so many minutes of absence, pauses of the study not counted, a place in a condition is free again."""
     hold_min: Annotated[int, Field(ge=1)] = 10
     """How many minutes a place is held after consent, until the first page is sent or the first game begins."""
+    replace_excluded: bool = False
+    """Whether somebody else is recruited for each participant who completed the study and whose data are all excluded
+    in the dashboard. Otherwise they keep their places in the quota."""
     contact: Text | None = None
     """Where participants can ask questions. The consent page shows it."""
     recruitment: Recruitment = Recruitment()
