@@ -50,8 +50,7 @@ class KitchenChoice(StrictModel):
     """A layout: a bundled one by its name, or your own grid."""
 
     name: Key
-    """The layout's name in the data. Without `grid`, the name of a bundled layout, or of a kitchen
-    that was drawn in the dashboard."""
+    """The layout's name in the data. Without `grid`, the name of a bundled layout or of a kitchen from the dashboard."""
     title: Text
     """The name that participants see."""
     grid: str | None = None
@@ -216,8 +215,7 @@ class Study(StrictModel):
     hold_min: Annotated[int, Field(ge=1)] = 10
     """How many minutes a place is held after consent, until the first page is sent or the first game begins."""
     replace_excluded: bool = False
-    """Whether somebody else is recruited for each participant who completed the study and whose data are all excluded
-    in the dashboard. Otherwise they keep their places in the quota."""
+    """Whether a participant who completed the study and is excluded in the dashboard frees the place for another."""
     contact: Text | None = None
     """Where participants can ask questions. The consent page shows it."""
     recruitment: Recruitment = Recruitment()
