@@ -50,7 +50,7 @@ class KitchenChoice(StrictModel):
     """A layout: a bundled one by its name, or your own grid."""
 
     name: Key
-    """The layout's name in the data. Without `grid`, the name of a bundled layout or of a kitchen from the dashboard."""
+    """The layout's name in the data. Without `grid`, that of a bundled layout or of a kitchen from the dashboard."""
     title: Text
     """The name that participants see."""
     grid: str | None = None
