@@ -43,6 +43,11 @@ def predictors_of(episodes: pl.DataFrame, agent: str) -> list[str]:
     return sorted(names, key=lambda name: (degraded_to(name) is not None, -(degraded_to(name) or 0)))
 
 
+def human_agents(episodes: pl.DataFrame) -> frozenset[str]:
+    """Return the partners, by the names that the study gives them, who are people: agents with `human: true`."""
+    return frozenset(episodes.filter(pl.col("watched_person").is_not_null())["agent"])
+
+
 def live(episodes: pl.DataFrame, layouts: Sequence[str], agents: Sequence[str]) -> list[Result]:
     """Accuracy per agent, predictor (in `note`) and layout, for every step and for their mean (step 0); over all
     conditions in which the predictor ran, shown or not, and for each condition alone."""

@@ -1,7 +1,7 @@
 """Write about the accuracy of predictors: each by itself, and only as trained against its offline test."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from markupsafe import escape
 
@@ -42,27 +42,55 @@ def accuracy_lines(rows: Sequence[Result], agent_name: str, who: Subjects) -> li
     return lines
 
 
-def accuracy_finding(rows: Sequence[Result], who: Subjects) -> str:
-    """Return how often the predictors were right; empty without predictions."""
+def accuracy_finding(rows: Sequence[Result], who: Subjects, human_agents: Collection[str] = ()) -> str:
+    """Return how often the predictors were right; empty without predictions. Predictions about people (`human_agents`:
+    the partners who are people) and about AI agents are never averaged: people are harder to predict."""
     trained = [row for row in _live(rows) if degraded_to(row.note) is None]
     if not trained:
         text = ""
     elif len({row.agent for row in trained}) == len(trained):
-        share = f"The predictor is right {_percent(trained)} of the time with {who.people}"
-        text = f"{share}{_against_offline(rows, trained)}."
+        text = _trained_finding(rows, trained, who, human_agents)
     else:
         parts = [f"{_named(row)} {_percent([row])} of the time{_against_offline(rows, [row])}" for row in trained]
         text = f"With {who.people}, the predictors are right: {'; '.join(parts)}."
-    return " ".join(part for part in (text, *_degraded_findings(rows, who)) if part)
+    return " ".join(part for part in (text, *_degraded_findings(rows, who, human_agents)) if part)
 
 
-def _degraded_findings(rows: Sequence[Result], who: Subjects) -> list[str]:
+def _trained_finding(
+    rows: Sequence[Result], trained: Sequence[Result], who: Subjects, human_agents: Collection[str]
+) -> str:
+    about_agents, about_people = _by_kind(trained, human_agents)
+    if not (about_agents and about_people):
+        share = f"The predictor is right {_percent(trained)} of the time with {who.people}"
+        return f"{share}{_against_offline(rows, trained)}."
+    agents = f"{_percent(about_agents)} of the time about AI agents{_against_offline(rows, about_agents)}"
+    people = f"{_percent(about_people)} of the time about other {who.people}{_against_offline(rows, about_people)}"
+    return f"In games with {who.people}, the predictor is right {agents}, and {people}."
+
+
+def _degraded_findings(rows: Sequence[Result], who: Subjects, human_agents: Collection[str]) -> list[str]:
     degraded = [(wanted, row) for row in _live(rows) if (wanted := degraded_to(row.note)) is not None]
     return [
         f"Degraded on purpose to {wanted:g} %, the predictor is right "
-        f"{_percent([row for one, row in degraded if one == wanted])} of the time with {who.people}."
+        f"{_shares([row for one, row in degraded if one == wanted], who, human_agents)} with {who.people}."
         for wanted in sorted({wanted for wanted, _ in degraded}, reverse=True)
     ]
+
+
+def _shares(rows: Sequence[Result], who: Subjects, human_agents: Collection[str]) -> str:
+    about_agents, about_people = _by_kind(rows, human_agents)
+    if not (about_agents and about_people):
+        return f"{_percent(rows)} of the time"
+    agents = f"{_percent(about_agents)} of the time about AI agents"
+    return f"{agents} and {_percent(about_people)} of the time about other {who.people}, in games"
+
+
+def _by_kind(rows: Sequence[Result], human_agents: Collection[str]) -> tuple[list[Result], list[Result]]:
+    """Return the rows about AI agents and those about people."""
+    return (
+        [row for row in rows if row.agent not in human_agents],
+        [row for row in rows if row.agent in human_agents],
+    )
 
 
 def _named(row: Result) -> str:

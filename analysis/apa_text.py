@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from markupsafe import escape
 
+from analysis.accuracy import human_agents
 from analysis.accuracy_text import accuracy_finding, accuracy_sentence
 from analysis.factorial import SECTION
 from analysis.factorial_text import factorial_sentences
@@ -40,7 +41,8 @@ def findings(analysis: Analysis) -> list[str]:
     """Return the two or three lines at the top of the report."""
     # With blocks, conditions are orders of blocks, whose comparison is not the main question.
     reward = _effects_finding(analysis) if analysis.within else _reward_finding(analysis)
-    found = [reward, _layouts_finding(analysis), accuracy_finding(analysis.rows, analysis.subjects)]
+    accuracy = accuracy_finding(analysis.rows, analysis.subjects, human_agents(analysis.episodes))
+    found = [reward, _layouts_finding(analysis), accuracy]
     return [line for line in found if line] or ["There is too little data for a comparison yet."]
 
 

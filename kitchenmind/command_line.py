@@ -28,7 +28,7 @@ VERBS: dict[str, tuple[str, str]] = {
     ),
     "admin": ("server.commands.admin", "manage researchers' accounts for the dashboard"),
     "person": ("server.commands.person", "find or delete one participant on request"),
-    "study": ("server.commands.study", "create or check a study file, manage its kept models"),
+    "study": ("server.commands.study", "create or check a study file, manage its kept models, delete its data"),
     "bundle": ("server.commands.bundle", "pack a study into one archive for preregistration"),
     "export": ("server.commands.export", "write a study's data as CSV and Parquet"),
     "verify": (

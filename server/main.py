@@ -182,14 +182,15 @@ async def _services(
         rehearsals=Rehearsals(stack, settings.data),
         reports=StudyReports(web.database, settings.database, stack),
     )
-    languages = LanguageFolder(settings.data)
-    _run(stack, alerts, services.latency_history, versions, languages, *([] if hook is None else [hook]))
+    _run(stack, alerts, services.latency_history, versions, LanguageFolder(settings.data), hook)
     return services
 
 
-def _run(stack: AsyncExitStack, *works: "Alerts | LanguageFolder | LatencyHistory | StudyVersions | Webhook") -> None:
+def _run(
+    stack: AsyncExitStack, *works: "Alerts | LanguageFolder | LatencyHistory | StudyVersions | Webhook | None"
+) -> None:
     """Start what works in the background; `stack` stops it."""
-    stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in works))
+    stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in works if work is not None))
 
 
 def _state(live: LiveGames, models: ModelServer, alerts: Alerts, versions: StudyVersions, name: str) -> Process:

@@ -9,8 +9,9 @@ from pathlib import Path as FilePath
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import is_class, without_variant
 from overcooked.layout import Layout, LayoutError, bundled_grid
+from server.model_fixes import comes_with_its_agent, is_from_outside, model_fix, trained_names
 from server.participation.episode_specs import layout_of, models_of, predictor_of
-from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
+from server.required_models import WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
 from server.study.checks import Path, Problem, capitalised
 from server.study.definition import KitchenChoice, PartnerSettings, Study
 from server.study.factor_checks import in_factors
@@ -68,14 +69,40 @@ def missing_problems(file: StudyFile, required: RequiredModels) -> Iterator[Prob
     the file."""
     yield from _variant_problems(file.study)
     reported = set()
+    without_agent: set[tuple[Path, str]] = set()
     for place, layout, model in models_named(file.study):
         reason = required.lacks(layout, model)
-        if reason is not None and reason not in reported:
+        if reason is None:
+            continue
+        agent, game = partner_at(file.study, place), (place[:-1], layout)
+        if place[-1] != "predictor":
+            without_agent.add(game)
+        elif game in without_agent and _follows(agent, layout, model, required):
+            continue  # the agent's problem says it: neither was trained
+        if reason not in reported:
             reported.add(reason)
-            remedy = _remedy(place, layout, model, required, partner_at(file.study, place).catalogue_name)
-            if place[-1] == "predictor" and (shown := shown_words(file.study)):
-                remedy += f" {capitalised(shown)} its predictions."
-            yield Problem(place, reason, remedy)
+            fix = model_fix(file.study, place, required)
+            yield Problem(place, reason, _full_remedy(file.study, place, (layout, model), required), fix=fix)
+
+
+def _follows(agent: PartnerSettings, layout: str, model: str, required: RequiredModels) -> bool:
+    """Return whether a predictor is missing only because its agent was never trained."""
+    return comes_with_its_agent(agent) and (layout, without_variant(model)) not in required.pins
+
+
+def _full_remedy(study: Study, place: Path, name: tuple[str, str], required: RequiredModels) -> str:
+    """Return how to get a missing model, and what depends on it."""
+    layout, model = name
+    agent, shown = partner_at(study, place), shown_words(study)
+    remedy = _remedy(place, layout, model, required, agent.catalogue_name)
+    if place[-1] == "predictor":
+        return f"{remedy} {capitalised(shown)} its predictions." if shown else remedy
+    arms = {predictor_of(study, agent, arm) for arm in study.displays} - {None}
+    lacks_predictor = any(required.lacks(layout, one) for one in arms if one is not None)
+    if comes_with_its_agent(agent) and lacks_predictor and not is_from_outside(agent):
+        why = f": {shown} its predictions" if shown else ""
+        remedy += f" It has no predictor either{why}. A scripted agent needs `predictor: random`."
+    return remedy
 
 
 def models_named(study: Study) -> Iterator[tuple[Path, str, str]]:
@@ -214,8 +241,7 @@ def _degraded_problems(required: RequiredModels) -> Iterator[Problem]:
 
 def _there(layout: str, required: RequiredModels, predictors: bool) -> list[str]:
     """Return the agents or predictors that can be named for a kitchen."""
-    names = sorted(path.parent.name for path in (WEIGHTS / layout).glob("*/config.json"))
-    kept = [name for name in names if ("_predictor_" in name) == predictors and is_for_grid(layout, name, required)]
-    own = {} if required.own is None else required.own.of_kitchen(layout, required.grid_of(layout))
-    kept += [name for name, one in own.items() if (one.kind == "predictor") == predictors and name not in names]
-    return [*kept, "random"] if predictors else [*kept, "planner", "random", "stay"]
+    return [
+        *trained_names(layout, required, predictors),
+        *(["random"] if predictors else ["planner", "random", "stay"]),
+    ]

@@ -4,6 +4,7 @@ import gc
 import os
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -26,6 +27,23 @@ for library in (
     "POLARS_MAX_THREADS",
 ):
     os.environ.setdefault(library, "1")
+
+MEMORY = Path("/dev/shm")  # of Linux
+
+
+def _keep_files_in_memory() -> None:
+    """Have temporary files in memory where there is plenty: tests make and delete tens of thousands of small files, and
+    some disks take milliseconds for each. Programs in it must run, and the server must not find its disk full."""
+    if "TMPDIR" in os.environ or not os.access(MEMORY, os.W_OK):
+        return
+    found = os.statvfs(MEMORY)
+    if found.f_bavail * found.f_frsize >= 8e9 and not found.f_flag & os.ST_NOEXEC:
+        folder = MEMORY / f"kitchenmind-tests-{os.getuid()}"
+        folder.mkdir(mode=0o711, exist_ok=True)  # PostgreSQL runs as another user
+        os.environ["TMPDIR"] = str(folder)
+
+
+_keep_files_in_memory()  # before anybody asks `tempfile`; child processes inherit it
 
 # Collecting makes half a million objects and no garbage; `pytest_collection_finish` turns collection on again.
 gc.disable()

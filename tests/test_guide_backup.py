@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from server.store import studies
+from server.store import participants, studies
 from server.store.database import Database
 from server.store.migrate import migrate
 from tests.support.postgres_server import PostgresServer, programs
@@ -62,7 +62,7 @@ def lab(tmp_path: Path) -> Iterator[Lab]:
 
 
 def test_every_command_of_the_page_on_backups_does_what_it_says(lab: Lab) -> None:
-    copy, dump, check, move = (text for _, text in blocks(PAGE))
+    copy, dump, check, move, delete = (text for _, text in blocks(PAGE))
     for block in (copy, dump, check):
         lab.does(block)
     tools = f"-h {lab.postgres.folder} -U kitchenmind"
@@ -75,3 +75,7 @@ def test_every_command_of_the_page_on_backups_does_what_it_says(lab: Lab) -> Non
         lab.does(line)
     with Database(lab.postgres.url("kitchenmind"), read_only=True) as moved:
         assert [study.key for study in moved.read_now(studies.every)]
+        assert moved.read_now(participants.of_study, 1)
+    lab.does(delete.replace("my_study", "ring").rstrip() + " --yes --database sqlite:///var/kitchenmind.sqlite3")
+    with Database(f"sqlite:///{lab.folder}/var/kitchenmind.sqlite3", read_only=True) as emptied:
+        assert emptied.read_now(participants.of_study, 1) == []

@@ -125,7 +125,7 @@ async def test_every_command_for_containers_does_what_the_guide_says(
 def test_the_prolific_guide_uses_no_other_container_commands() -> None:
     prolific = (ROOT / "docs" / "guides" / "run_a_prolific_study.md").read_text(encoding="utf-8")
     others = set(commands(prolific)) - set(commands(guide_machine.GUIDE))
-    assert [line.partition(EXEC)[0] for line in others] == [""], "of these only the command of the server is new"
+    assert {line.partition(EXEC)[0] for line in others} == {""}, "of these only the commands of the server are new"
     for line in others:
         parse(shlex.split(line.removeprefix(EXEC)))
     assert len(commands(prolific)) - len(others) > 3

@@ -16,15 +16,15 @@ from models.agents import agent_server
 from models.agents.catalogue import UnknownAgent, load_agent
 from models.agents.checked_policy import explained
 from models.agents.predictors import UnknownPredictor, load_predictor
+from models.inference.checked_output import WrongOutput, checked_predictions, checked_probabilities
 from models.networks.checkpoint import CheckpointError
-from models.protocols import STEPS, BlackBoxError, Mode, Observations, Policy, Predictor
+from models.protocols import BlackBoxError, Mode, Observations, Policy, Predictor
 from overcooked.constants import ACTIONS, HORIZON, PLAYERS
 from overcooked.layout import Layout, LayoutError, load_layout
 from overcooked.score import sparse_reward
 from overcooked.state import Kitchens
 
 DEADLINE_MS = 120.0  # of a tick, unless the study says otherwise
-ROWS_SUM_TO_ONE = 1e-2  # within this
 # Errors of our own: they name place and remedy.
 _SAY_WHAT_TO_DO = (
     BlackBoxError,
@@ -120,7 +120,7 @@ def check_policy(policy: Policy, mode: Mode, layout: Layout) -> AgentFinding:
     states, _ = random_games(layout)
 
     def ask(games: int, timestep: int) -> NDArray[np.float32]:
-        answer = _checked(policy.probabilities(states[:games, timestep].copy()), (games, ACTIONS))
+        answer = _fitting(checked_probabilities, policy.probabilities(states[:games, timestep].copy()), games)
         return distribution(answer, np.zeros(games, np.int32), mode)
 
     return _finding(ask, states.shape[1])
@@ -135,7 +135,7 @@ def check_predictor(predictor: Predictor, layout: Layout) -> AgentFinding:
         if timestep == 0:
             predictor.begin(slots)
         answer = predictor.predict(slots, states[:games, timestep].copy(), actions[:games, timestep])
-        return _checked(answer, (games, STEPS, ACTIONS))
+        return _fitting(checked_predictions, answer, games)
 
     return _finding(ask, states.shape[1])
 
@@ -148,7 +148,7 @@ def points_with_itself(policy: Policy, mode: Mode, layout: Layout) -> int:
     points = 0
     for _ in range(HORIZON):
         seen = kitchens.encode()
-        given = [_checked(policy.probabilities(seen[:, k].copy()), (1, ACTIONS)) for k in range(PLAYERS)]
+        given = [_fitting(checked_probabilities, policy.probabilities(seen[:, k].copy()), 1) for k in range(PLAYERS)]
         actions = [draw(distribution(given[k], stuck[k].counts, mode), draws.random(1)) for k in range(PLAYERS)]
         kitchens.step(np.stack(actions, 1), events)
         for seat in range(PLAYERS):
@@ -191,13 +191,14 @@ def _finding(ask: Callable[[int, int], NDArray[np.float32]], timesteps: int) -> 
     return AgentFinding(float(np.median(warm)), max(warm), batch_ms, same, float(certain))
 
 
-def _checked(answer: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
-    given = np.asarray(answer)
-    if given.shape != shape:
-        raise NotFit(f"its answer has the shape {given.shape}, wanted {shape}.")
-    if not np.isfinite(given).all() or (given < 0).any() or (np.abs(given.sum(-1) - 1) > ROWS_SUM_TO_ONE).any():
-        raise NotFit("its answers are not probabilities: each row must sum to 1, without NaN or negative numbers.")
-    return given
+def _fitting(
+    checked: Callable[[NDArray[np.float32], int], NDArray[np.float32]], answer: NDArray[np.float32], games: int
+) -> NDArray[np.float32]:
+    """Return an answer that the server would accept, too. Raises NotFit."""
+    try:
+        return checked(answer, games)
+    except WrongOutput as error:
+        raise NotFit(f"it {error}. See docs/guides/bring_your_own_agent.md.") from None
 
 
 def _warn(words: str) -> None:

@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import sys
-from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from server.commands.server_data import ServerData, add_data_options
@@ -12,8 +11,6 @@ if TYPE_CHECKING:
     from sqlalchemy import URL, Connection
 
     from server.store.participants import Participant
-
-_HERE = timedelta(minutes=10)  # a game can be longer than the time since the last page load
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,10 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _find(connection: "Connection", arguments: argparse.Namespace) -> "Participant":
     from server.store import participants, studies
 
-    versions = [version.id for version in studies.every(connection, arguments.study)]
-    if not versions:
-        known = sorted({version.key for version in studies.every(connection)})
-        raise ValueError(f"there is no study {arguments.study!r} here. There is: {', '.join(known) or 'none'}")
+    versions = studies.known_ids(connection, arguments.study)
     found = participants.find(connection, versions, arguments.who.strip())
     if found is None:
         raise ValueError(f"{arguments.study} has no participant with the id or code {arguments.who!r}")
@@ -79,28 +73,21 @@ def _confirmed() -> bool:
 
 
 def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> None:
-    from server.store import engines, participants
+    from server.store import engines, overview
     from server.store.concurrent_changes import beside_the_server
     from server.store.migrate import migrate
+    from server.store.tables import participants
     from server.store.withdrawal import Deletion, withdraw
 
     with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables exist
         migrate(url.render_as_string(hide_password=False))
     deletion = Deletion("command line", "delete participant", {"study": arguments.study, "reason": arguments.reason})
     with beside_the_server(url) as connection:
-        if _is_playing(connection, found.id):
-            who = participants.label(found.number, found.simulated)
-            raise ValueError(f"{who} is in a game now. Wait, or use the dashboard, which ends the game first")
+        playing = overview.playing(connection, participants.c.id == found.id)
+        if playing:
+            raise ValueError(f"{playing[0]} is in a game now. Wait, or use the dashboard, which ends the game first")
         if not withdraw(connection, found.id, deletion):
             raise ValueError("the participant is deleted already")
-
-
-def _is_playing(connection: "Connection", participant_id: str) -> bool:
-    from server.store import overview, participants
-
-    now = participants.get(connection, participant_id)
-    is_here = now is not None and datetime.now(UTC) - now.last_seen_at < _HERE
-    return is_here and any(one.status == "running" for one in overview.played_by(connection, participant_id))
 
 
 def _refuse(error: Exception, status: int) -> int:

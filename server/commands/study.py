@@ -1,4 +1,5 @@
-"""`kitchenmind study`: create a study file, check one, print the schema that editors use, list kept models."""
+"""`kitchenmind study`: create a study file, check one, print the schema that editors use, list kept models, delete
+a study's data."""
 
 import argparse
 import json
@@ -9,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from server.commands import kept_models
+from server.commands import delete_study, kept_models
 from server.commands.server_data import ServerData, add_data_options
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ MAX_PLACES, WIDTH = 20, 22
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema|words|models")
+    verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema|words|models|delete")
     new = verbs.add_parser("new", help="create a study file that is ready to serve")
     new.add_argument("name", help="the study's name in its address and data, such as pilot_1")
     new.add_argument("--out", type=Path, help="the file to write (studies/NAME.yaml)")
@@ -43,6 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kept_models.add_arguments(
         verbs.add_parser("models", help="list the copies of trained models that versions keep, or delete unused ones")
     )
+    delete_study.add_arguments(
+        verbs.add_parser("delete", help="delete all data of a study, such as at the end of its retention period")
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,6 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _words(arguments.language, arguments.place)
     if arguments.study_verb == "models":
         return kept_models.run(arguments)
+    if arguments.study_verb == "delete":
+        return delete_study.run(arguments)
     return _check(arguments.file, arguments) if arguments.study_verb == "check" else _schema()
 
 

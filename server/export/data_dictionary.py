@@ -37,7 +37,7 @@ _EXPORT = """## Export
 _DATABASE = """## Database
 
 SQLite and PostgreSQL have the same tables. `personal` is never exported. Deleting a participant follows the foreign
-keys; see `server/store/withdrawal.py`.
+keys; see `server/store/withdrawal.py`, and for a whole study `server/store/study_deletion.py`.
 
 """
 

@@ -73,6 +73,8 @@ def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) ->
     versions had follow: nobody comes to them any more, but those who did still count."""
     kinds = {condition.name: condition.predictor for condition in study.conditions}
     targets = {condition.name: condition.quota for condition in study.conditions}
+    if study.replace_excluded:
+        targets = {name: quota and quota + held.excluded.get(name, 0) for name, quota in targets.items()}
     rows = [_arm(name, held) | {"kind": kinds[name], "target": targets[name], "former": False} for name in kinds]
     for name in sorted(held.conditions - kinds.keys()):
         arm = _arm(name, held)

@@ -46,7 +46,7 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
         },
         "status": loaded.status,
         "rows": rows,
-        "pauses": [{"t": pause.timestep, "reason": pause.reason, "duration_ms": pause.duration_ms} for pause in held],
+        "pauses": [pause_of(pause) for pause in held],
         "inputs": [input_of(one, spec.tick_ms, held) for one in visible(inputs.of_episode(connection, episode), blind)],
         "checked": {"states": len(stored), "equal": difference is None, "difference": difference},
         "accuracy": [] if blind else _accuracy(stored, spec.watched_seat),
@@ -97,6 +97,11 @@ def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, A
         "models_ms": round(tick.models_ms, 1),
         "scheduled_ms": tick.scheduled_ms,
     }
+
+
+def pause_of(one: PauseRecord) -> dict[str, Any]:
+    """Return one pause for the page. `seat`: whose absence began it; None: nobody's, or not known."""
+    return {"t": one.timestep, "reason": one.reason, "duration_ms": one.duration_ms, "seat": one.seat}
 
 
 def visible(arrived: Sequence[InputRecord], blind: bool) -> list[InputRecord]:

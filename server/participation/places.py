@@ -7,7 +7,8 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import Connection
 
 from server.participation.served_studies import Studies
-from server.store import decisions, participants, studies
+from server.store import decisions, overview, participants, studies
+from server.store.overview import Group
 from server.store.participants import Participant
 from server.study.assignment import Count
 from server.study.definition import Study
@@ -17,11 +18,14 @@ Pause = tuple[datetime, datetime | None]  # from, until; None: it lasts
 
 def held(connection: Connection, study_ids: Sequence[int], study: Study, simulated: bool = False) -> dict[str, Count]:
     """Return how many people (or bots) of these versions hold a place in each condition. Bots never take a person's
-    place. A participant who consented and then did nothing holds one for `hold_min` only."""
+    place. A participant who consented and then did nothing holds one for `hold_min` only; one who completed the study
+    and is excluded holds none if the study says `replace_excluded`."""
     found = participants.counts(connection, study_ids, simulated)
     silent = participants.silent(connection, study_ids, unseen_before(connection, study, study.hold_min), simulated)
+    free = overview.excluded(connection, Group(study_ids, simulated)) if study.replace_excluded else {}
     return {
-        name: Count(by.get("completed", 0), by.get("active", 0) - silent.get(name, 0)) for name, by in found.items()
+        name: Count(by.get("completed", 0) - free.get(name, 0), by.get("active", 0) - silent.get(name, 0))
+        for name, by in found.items()
     }
 
 

@@ -158,7 +158,14 @@ class Game:
         """Return the welcome message. The page uses real time, so with a faster game clock its timesteps are
         shorter."""
         welcome = self.session.welcome(person)
-        return structs.replace(welcome, tick_ms=max(1, round(welcome.tick_ms / self.clock.speed)))
+        tick_ms = max(1, round(welcome.tick_ms / self.clock.speed))
+        return structs.replace(welcome, tick_ms=tick_ms, away_s=self._next_absence_s())
+
+    def _next_absence_s(self) -> float:
+        """Return how long an absence that begins now may last, in the time of the page. Never 0, which tells
+        nothing."""
+        left_s = self.session.pause_reasons.next_absence_s(self.clock.now())
+        return max(0.1, round(left_s / self.clock.speed, 1))
 
     def _paused(self, person: int) -> messages.Paused:
         paused = self.session.paused(person, self.clock.now())
@@ -166,7 +173,7 @@ class Game:
         return structs.replace(paused, left_s=left_s)
 
     def tell_countdown(self, seconds: float = COUNTDOWN_S) -> None:
-        self.broadcast(messages.Countdown(round(seconds / self.clock.speed, 3)))
+        self.broadcast(messages.Countdown(round(seconds / self.clock.speed, 3), self._next_absence_s()))
 
     def tell_paused(self) -> None:
         for person, connection in self.connections.items():

@@ -127,12 +127,14 @@ class Welcome(ToBrowser, frozen=True):
     unknown: tuple[tuple[Count, Count], ...] = ()  # as in Tick
     asked: bool = True  # as in Tick
     display: Literal["actions", "intention", "both", "none"] = "actions"  # what of a prediction frames carry
+    away_s: Seconds = 0.0  # how long an absence that begins now may last; 0: not said
 
 
 class Countdown(ToBrowser, frozen=True):
     """The game starts or continues in `seconds`."""
 
     seconds: Seconds
+    away_s: Seconds = 0.0  # as in Welcome
 
 
 class Tick(ToBrowser, frozen=True):

@@ -69,6 +69,10 @@ class PauseReasons:
         lasting = [held for held in self._held.values() if held.reason in AWAY_REASONS]
         return 1000 * (self._away_s + sum(self._counted_s(held, now) for held in lasting))
 
+    def next_absence_s(self, now: float) -> float:
+        """Return how long an absence that begins now may last."""
+        return max(0.0, min(self._limits.each_s, self._limits.episode_s - self.away_ms(now) / 1000))
+
     def extend(self, seconds: float) -> None:
         """From now on absences in this game may last so much longer, each and all together."""
         limits = self._limits

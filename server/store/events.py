@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, func, select
 
-from server.store.tables import events
+from server.store.tables import events, participants
 
 ATTENTION_SCREENED_OUT = "attention_screened_out"  # kind of the event of a participant who failed too many checks
 PARTNER_WITHDREW = "partner_withdrew"  # kind of the event of a participant whose round was deleted with the partner
@@ -41,7 +41,10 @@ def add(connection: Connection, *new: Event) -> None:
 
 
 def add_at_most(connection: Connection, new: Event, most: int) -> bool:
-    """Store an event, unless the participant has `most` of its kind already. Returns whether it was stored."""
+    """Store an event, unless the participant has `most` of its kind already, or was deleted while a page was open.
+    Returns whether it was stored."""
+    if connection.execute(select(participants.c.id).where(participants.c.id == new.participant_id)).first() is None:
+        return False
     same = (events.c.participant_id == new.participant_id, events.c.kind == new.kind)
     if connection.execute(select(func.count()).select_from(events).where(*same)).scalar_one() >= most:
         return False

@@ -56,6 +56,11 @@ def turned_away(connection: Connection, study: str, now: datetime) -> int:
     return _count(connection, TURNED_AWAY, study, now)
 
 
+def forget_turned_away(connection: Connection, study: str) -> None:
+    """Forget how many were refused."""
+    connection.execute(delete(attempts).where(attempts.c.kind == TURNED_AWAY, attempts.c.name == study))
+
+
 def _add(connection: Connection, kind: str, name: str, now: datetime) -> None:
     a = attempts.c
     connection.execute(delete(attempts).where(a.kind == kind, is_out_of(WINDOW, now)))

@@ -14,6 +14,7 @@ from server.store.tables import answers, episodes, events, exclusions, participa
 
 _p, _e = participants.c, episodes.c
 HERE = timedelta(minutes=2)  # who was seen so lately is in the study now
+LONGEST_GAME = timedelta(minutes=10)  # a game can be longer than the time since the last page load
 DROPPED = ("timed_out", "returned", "screened_out", "withdrawn")
 TABS: dict[str, tuple[str, ...]] = {
     "active": ("active",),
@@ -126,6 +127,14 @@ def here_now(connection: Connection, group: Group) -> int:
     """Return how many active participants were seen lately."""
     query = select(func.count()).where(group.members(), _p.status == "active")
     return int(connection.execute(query.where(_p.last_seen_at > datetime.now(UTC) - HERE)).scalar_one())
+
+
+def playing(connection: Connection, whose: ColumnElement[bool]) -> list[str]:
+    """Return the labels of those of these participants who are in a game."""
+    seat = or_(_e.participant_0 == _p.id, _e.participant_1 == _p.id)
+    query = select(_p.number, _p.simulated).join_from(participants, episodes, seat).distinct().order_by(_p.number)
+    query = query.where(whose, _e.status == "running", _p.last_seen_at > datetime.now(UTC) - LONGEST_GAME)
+    return [label(row.number, row.simulated) for row in connection.execute(query)]
 
 
 def simulated(connection: Connection, study_ids: Sequence[int]) -> int:

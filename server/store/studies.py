@@ -59,6 +59,15 @@ def ids_of(connection: Connection, key: str) -> list[int]:
     return list(connection.execute(query).scalars())
 
 
+def known_ids(connection: Connection, key: str) -> list[int]:
+    """`ids_of` for a name that somebody typed. Raises ValueError, which names the studies that there are."""
+    found = ids_of(connection, key)
+    if not found:
+        known = sorted({version.key for version in every(connection)})
+        raise ValueError(f"there is no study {key!r} here. There is: {', '.join(known) or 'none'}")
+    return found
+
+
 def started(connection: Connection, key: str) -> int:
     """Return how many participants ever consented to any version of a study."""
     return connection.execute(select(func.sum(studies.c.started)).where(studies.c.key == key)).scalar() or 0

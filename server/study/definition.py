@@ -50,8 +50,7 @@ class KitchenChoice(StrictModel):
     """A layout: a bundled one by its name, or your own grid."""
 
     name: Key
-    """The layout's name in the data. Without `grid`, the name of a bundled layout, or of a kitchen
-    that was drawn in the dashboard."""
+    """The layout's name in the data. Without `grid`, that of a bundled layout or of a kitchen from the dashboard."""
     title: Text
     """The name that participants see."""
     grid: str | None = None
@@ -215,6 +214,8 @@ class Study(StrictModel):
     """After so many minutes of absence, pauses of the study not counted, a place in a condition is free again."""
     hold_min: Annotated[int, Field(ge=1)] = 10
     """How many minutes a place is held after consent, until the first page is sent or the first game begins."""
+    replace_excluded: bool = False
+    """Whether a participant who completed the study and is excluded in the dashboard frees the place for another."""
     contact: Text | None = None
     """Where participants can ask questions. The consent page shows it."""
     recruitment: Recruitment = Recruitment()

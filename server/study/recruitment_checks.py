@@ -3,7 +3,7 @@ yields problems."""
 
 from collections.abc import Iterator
 
-from server.study.checks import Problem
+from server.study.checks import Path, Problem
 from server.study.definition import Study
 from server.study.quick_fixes import write
 from server.study.steps import has_rounds_for_two
@@ -45,15 +45,19 @@ def recruitment_problems(study: Study) -> Iterator[Problem]:
 
 
 def _odd_quotas(study: Study) -> Iterator[Problem]:
-    """Yield a warning about each condition of a study for two in which the last person finds no partner."""
-    if not has_rounds_for_two(study) or study.factors:
+    """Yield a warning about each quota of a study for two with which the last person of a condition finds no
+    partner."""
+    if not has_rounds_for_two(study):
         return
-    for index, condition in enumerate(study.conditions):
-        if condition.quota is not None and condition.quota % 2:
-            path = ("conditions", index, "quota")
-            reason = f"of {condition.quota} people, one finds no partner"
-            fix = write(f"Make it {condition.quota + 1}", path, condition.quota + 1)
-            yield Problem(path, reason, f"Write {condition.quota + 1}.", warning=True, fix=fix)
+    quotas: list[tuple[Path, int | None]] = [
+        (("conditions", index, "quota"), condition.quota) for index, condition in enumerate(study.conditions)
+    ]
+    for path, quota in [(("cells", "quota"), study.cells.quota)] if study.factors else quotas:
+        if quota is not None and quota % 2:
+            each = " in each condition" if study.factors else ""
+            reason = f"of {quota} people{each}, one finds no partner"
+            fix = write(f"Make it {quota + 1}", path, quota + 1)
+            yield Problem(path, reason, f"Write {quota + 1}.", warning=True, fix=fix)
 
 
 def _screens_out(study: Study) -> bool:

@@ -27,7 +27,9 @@ SECTIONS: Final = (
     StudySection("consent", "Consent page", ("consent",)),
     StudySection("questionnaires", "Questionnaires", ("questionnaires", "after_episode", "quiz", "attention")),
     StudySection("recruitment", "Recruitment", ("recruitment", "entry")),
-    StudySection("game", "Timing and game", ("timeout_min", "hold_min", "game", "tutorial", "waiting_room")),
+    StudySection(
+        "game", "Timing and game", ("timeout_min", "hold_min", "replace_excluded", "game", "tutorial", "waiting_room")
+    ),
     StudySection("analysis", "Planned analysis", ("primary", "smallest_effect")),
     StudySection("models", "Models of your own", ("checkpoints",)),
 )

@@ -96,3 +96,26 @@ def test_forms_of_a_predictor_are_named_and_compared_with_their_own_offline_test
         "With people, sp_predictor_stream",
         "Difference",
     ]
+
+
+def test_predictions_about_people_and_about_agents_are_not_one_number() -> None:
+    base = Result("accuracy", "live", "all", "sp", condition="all", note="sp_predictor")
+    rows = [
+        replace(base, estimate=0.9),
+        replace(base, agent="fcp", note="fcp_predictor", estimate=0.8),
+        replace(base, agent="teammate", note="fcp_predictor", estimate=0.5),
+        replace(base, test="offline", condition="", estimate=0.92),
+        replace(base, test="offline", condition="", agent="fcp", note="fcp_predictor", estimate=0.88),
+    ]
+    assert accuracy_text.accuracy_finding(rows, PEOPLE, {"teammate"}) == (
+        "In games with people, the predictor is right 85.0 % of the time about AI agents, 5.0 points less than in the "
+        "offline test, and 50.0 % of the time about other people."
+    )
+    assert accuracy_text.accuracy_finding(rows[2:], PEOPLE, {"teammate"}) == (
+        "The predictor is right 50.0 % of the time with people."
+    )
+    degraded = [replace(row, note=f"{row.note}@60") for row in rows[:3]]
+    assert accuracy_text.accuracy_finding(degraded, PEOPLE, {"teammate"}) == (
+        "Degraded on purpose to 60 %, the predictor is right 85.0 % of the time about AI agents and 50.0 % of the time "
+        "about other people, in games with people."
+    )

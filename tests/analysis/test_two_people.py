@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis import exclusions, measures
+from analysis import apa_text, exclusions, measures
 from analysis.report import Report, write_report
 from analysis.results import Result, select
 from analysis.sensitivity import ATTRITION
@@ -62,6 +62,13 @@ def test_rounds_of_two_people_are_reported_on_several_layouts(alone: int, tmp_pa
     page = made.page.read_text("utf-8")
     assert "with the other person" in page
     assert "the person agent" not in page
+
+
+def test_the_headline_tells_predictions_about_people_from_those_about_agents(tmp_path: Path) -> None:
+    analysis = reported(pairs_export(tmp_path / "data", (RING,), alone=2), tmp_path).analysis
+    finding = apa_text.findings(analysis)[-1]
+    assert "of the time about AI agents" in finding
+    assert "of the time about other " in finding
 
 
 def test_a_partner_has_the_name_that_the_study_gives_them(tmp_path: Path) -> None:

@@ -4,8 +4,8 @@ import pytest
 from msgspec import structs
 from playwright.sync_api import Browser, Page, expect
 
-from server.play.messages import Away, Countdown, Ended, EndReason, Paused, PauseReason, Ready
-from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
+from server.play.messages import Away, Countdown, Ended, EndReason, Outgoing, Paused, PauseReason, Ready
+from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import opened, settled, start
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
@@ -91,6 +91,27 @@ def test_a_lost_connection_names_a_limit_only_if_the_absence_counts(
         page.wait_for_selector("[data-link=lost] #banner:visible")
         words = page.inner_text("#banner-left")
         assert seconds in words if seconds else not words
+
+
+@pytest.mark.parametrize(
+    ("sent", "seconds"),
+    [
+        ([Countdown(0, 8.0)], "8 seconds"),
+        ([Countdown(0, 25.0), Paused("partner", 5.0)], "5 seconds"),
+        ([Countdown(0, 3.0), Paused("server", 0.0)], "3 seconds"),
+        ([structs.replace(welcome(resumed=True), away_s=7.0)], "7 seconds"),
+    ],
+)
+def test_a_lost_connection_names_what_earlier_absences_have_left(
+    chromium: Browser, server: FakeGameServer, sent: list[Outgoing], seconds: str
+) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(*sent)
+        settled(page, server)
+        server.refusing = True
+        server.drop()
+        expect(page.locator("#banner-left")).to_contain_text(seconds)
 
 
 def test_leaving_before_start_is_not_an_absence(chromium: Browser, server: FakeGameServer) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page
 
-from server.play.messages import Countdown, Paused, Ready
+from server.play.messages import Countdown, Notice, Paused, Ready
 from tests.support.browser.double_rings import MOMENT, WALK_TURN_SERVE, rings
 from tests.support.browser.double_rings import server as server
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
@@ -139,6 +139,39 @@ def test_no_dialog_hides_its_button_or_the_kitchen_that_one_studies(
         assert board["width"] / 9 >= 24, "cells are large enough to play"
         legend = page.locator("#legend [data-mark=hand]")
         assert legend.is_visible()
+
+
+@pytest.mark.parametrize(
+    "size", [(390, 844), (844, 390), pytest.param((360, 640), marks=pytest.mark.slow), (1366, 768)], ids=str
+)
+def test_a_message_of_the_researcher_covers_neither_the_dialog_of_a_pause_nor_the_kitchen(
+    chromium: Browser, server: FakeGameServer, size: tuple[int, int]
+) -> None:
+    server.welcome = rings()
+    touch = size[0] < 1000
+    viewport = {"width": size[0], "height": size[1]}
+    with opened(chromium, server, viewport=viewport, has_touch=touch, is_mobile=touch) as page:
+        start(page, server, kitchen(t=195, **MOMENT))
+        server.send(Notice("The server restarts in five minutes. Please stay on this page; your progress is saved."))
+        page.wait_for_selector("#notice:visible")
+        for message, dialog in ((Paused("researcher", 0.0), "#pause"), (Countdown(30), "#count")):
+            server.send(message)
+            page.wait_for_selector(f"{dialog}:visible")
+            at_rest(page)
+            for part in (dialog, "canvas.board"):
+                assert not overlap(page, "#notice", part), (dialog, part)
+            page.click("#notice button", trial=True)
+            screenshot(page, f"notice-{size[0]}x{size[1]}-{dialog[1:]}")
+
+
+def overlap(page: Page, one: str, other: str) -> bool:
+    """Whether two elements cover each other by more than a rounded pixel."""
+    first, second = page.locator(one).bounding_box(), page.locator(other).bounding_box()
+    assert first is not None
+    assert second is not None
+    across = min(first["x"] + first["width"], second["x"] + second["width"]) - max(first["x"], second["x"])
+    down = min(first["y"] + first["height"], second["y"] + second["height"]) - max(first["y"], second["y"])
+    return bool(across > 1 and down > 1)
 
 
 def above_the_board(page: Page, dialog: str) -> None:

@@ -278,10 +278,10 @@ def test_agent_check_describes_an_agent(capsys, tmp_path):
 def test_agent_check_refuses_what_does_not_fit(capsys):
     status, _, err = checked(capsys, "tests.support.foreign_models:WrongShape")
     assert status == 1
-    assert "its answer has the shape (1, 3), wanted (1, 6)" in err
+    assert "it gave an array of shape (1, 3), wanted (1, 6)" in err
     status, _, err = checked(capsys, "tests.support.foreign_models:BrokenAfterWarming")
     assert status == 1
-    assert "not probabilities" in err
+    assert "gave NaN, infinite or negative probabilities" in err
     status, _, err = checked(capsys, "planner", "--deadline-ms", "0.0001")
     assert status == 1
     assert "is too slow" in err

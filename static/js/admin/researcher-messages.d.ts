@@ -163,7 +163,7 @@ declare namespace Researcher {
     game: Still & { title: string; deadline_ms: number };
     rows: Row[];
     inputs: Input[];
-    pauses: { t: number; reason: string; duration_ms: number | null }[];
+    pauses: { t: number; reason: string; duration_ms: number | null; seat: number | null }[];
     accuracy: { share: number; low: number; high: number; n: number }[];
     intention_accuracy: { share: number; low: number; high: number; n: number } | null;
     checked: { equal: boolean; states: number; difference: string };

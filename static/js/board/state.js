@@ -45,7 +45,7 @@ export const GLIDE_MAX_MS = 180;
  * @property {string | null} notice
  * @property {{ direction: number, seq: number } | null} turn how the own chef turns before the server has answered
  * @property {number} applied
- * @property {number} [awayLimitS] how long the participant may be away
+ * @property {number} awayLimitS how long an absence that begins now may last; 0: unknown
  */
 
 /** @typedef {State & { game: Wire.Welcome, current: Wire.KitchenState }} StartedState */
@@ -61,6 +61,7 @@ export function defaults() {
     ...{ intention: null, saysIntention: false, intentionMs: 0 },
     ...{ partnerSeen: true, partnerSeenBefore: true, unknown: [], asked: true },
     ...{ countdown: null, pause: null, lesson: null, lessons: [], ended: null, notice: null, turn: null, applied: -1 },
+    awayLimitS: 0,
   };
 }
 
@@ -79,8 +80,10 @@ export function apply(state, message, now) {
       const pause = { reason: /** @type {const} */ ('room'), leftS: message.left_s, sinceMs: now, fresh: false };
       return { ...state, link: 'open', phase: 'room', pause };
     }
-    case 'countdown':
-      return { ...state, phase: 'countdown', pause: null, countdown: { seconds: message.seconds, sinceMs: now } };
+    case 'countdown': {
+      const countdown = { seconds: message.seconds, sinceMs: now };
+      return { ...state, phase: 'countdown', pause: null, countdown, awayLimitS: message.away_s || state.awayLimitS };
+    }
     case 'tick':
       return applyTick(state, message, now);
     case 'paused': {
@@ -147,6 +150,7 @@ function applyWelcome(state, message, now) {
     lesson: state.lesson,
     lessons: state.lessons,
     notice: state.notice,
+    awayLimitS: message.away_s || state.awayLimitS,
   };
 }
 

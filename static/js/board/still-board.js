@@ -19,7 +19,7 @@ export function boardState(still, kitchen, now) {
   const welcome = {
     ...{ type: 'welcome', protocol: 0, episode: '', kind: 'episode', number: 0, episodes: 0, layout: '', title: '' },
     ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent', show: 'always', view_radius: 0 },
-    ...{ partner_seen: true, unknown: [], asked: true, display: 'actions' },
+    ...{ partner_seen: true, unknown: [], asked: true, display: 'actions', away_s: 0 },
     ...still,
     state: kitchen,
     endless: !still.horizon,

@@ -36,6 +36,7 @@ declare namespace Wire {
     unknown: [number, number][];
     asked: boolean;
     display: "actions" | "both" | "intention" | "none";
+    away_s: number;
   }
 
   interface Waiting {
@@ -46,6 +47,7 @@ declare namespace Wire {
   interface Countdown {
     type: "countdown";
     seconds: number;
+    away_s: number;
   }
 
   interface Tick {

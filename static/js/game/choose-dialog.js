@@ -87,12 +87,17 @@ function pauseDialog(state, now) {
 const startReason = ({ alone }, { resumed, kind }) => (resumed ? 'resumed' : alone ? 'alone' : kind);
 
 /**
+ * Return how long the own absence, which began when the connection was lost, may last. A pause that was counting down
+ * then ends the game at its own time, if that is earlier.
  * @param {State} state
  * @param {number} now
  */
 function secondsUntilEnd(state, now) {
-  const { awayLimitS: limit, linkSinceMs } = state;
-  return limit && absenceCounts(state) ? Math.max(0, Math.ceil(limit - (now - linkSinceMs) / 1000)) : null;
+  const { awayLimitS, linkSinceMs, phase, pause } = state;
+  if (!awayLimitS || !absenceCounts(state)) return null;
+  const ends = [linkSinceMs + awayLimitS * 1000];
+  if (phase === 'paused' && pause && pause.leftS > 0) ends.push(pause.sinceMs + pause.leftS * 1000);
+  return Math.max(0, Math.ceil((Math.min(...ends) - now) / 1000));
 }
 
 /**

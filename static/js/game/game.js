@@ -50,7 +50,7 @@ const stage = find('.stage', HTMLElement, page);
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 
 /** @type {State} */
-let state = { ...defaults(), linkSinceMs: performance.now() };
+let state = { ...defaults(), linkSinceMs: performance.now(), awayLimitS: config.away_s };
 let seq = 0;
 /** Whether the server has been told that the participant is away. */
 let leftPage = false;
@@ -136,7 +136,7 @@ function receive(received) {
   const now = performance.now();
   // While the game is paused no key counts, and old keys do not act later.
   if (['paused', 'ended', 'superseded', 'welcome'].includes(message.type)) releaseKeys();
-  const next = withNewsOfPartner({ ...apply(state, message, now), awayLimitS: config.away_s }, message, config);
+  const next = withNewsOfPartner(apply(state, message, now), message, config);
   if (message.type === 'welcome') welcome(message, next);
   else change(next);
   if (message.type === 'tick') tick(now);

@@ -33,9 +33,10 @@ const INCOMING = {
     ...{ grid: listOf(text), seat: number, watched_seat: number, horizon: number, tick_ms: number, steps: number },
     ...{ shows_predictions: flag, state: shape(KITCHEN), resumed: flag, endless: flag, partner: text },
     ...{ show: text, view_radius: number, partner_seen: flag, unknown: listOf(numbers(2)), asked: flag, display: text },
+    away_s: number,
   },
   waiting: { left_s: number },
-  countdown: { seconds: number },
+  countdown: { seconds: number, away_s: number },
   tick: {
     ...{ state: shape(KITCHEN), prediction: listOf(numbers(2)), actions: numbers(2), applied: number, late: flag },
     ...{ partner_seen: flag, unknown: listOf(numbers(2)), asked: flag, intention: numbers(4), pad: text },

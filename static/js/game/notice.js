@@ -1,4 +1,5 @@
-// A message of the researcher: outside the board, for as long as it takes to read, and told to screen readers.
+// A message of the researcher: outside the board and its dialog, for as long as it takes to read, and told to screen
+// readers.
 
 import { find } from '../browser/dom.js';
 
@@ -37,6 +38,8 @@ export class ResearcherNotice {
       closed();
     });
     addEventListener('resize', () => this.#place());
+    const game = stage.closest('.game');
+    if (game) new MutationObserver(() => this.#place()).observe(game, { attributeFilter: ['data-view'] });
   }
 
   /** @param {string} words */
@@ -61,18 +64,47 @@ export class ResearcherNotice {
     this.box.hidden = true;
   }
 
-  /** Use the space above the board, or next to it if there is none. A long text scrolls there. */
+  /** Return where the dialog of a pause or of the countdown ends, which has the space above the board; null: none. */
+  #dialogBottom() {
+    const shown = this.stage.querySelector('#pause:not([hidden]), #count:not([hidden])')?.getBoundingClientRect();
+    return shown?.height ? shown.bottom : null;
+  }
+
+  /**
+   * Use the space above the board, below it if a dialog is above, or next to the board if there is none. A long text
+   * scrolls there.
+   */
   #place() {
     const board = this.stage.querySelector('canvas.board')?.getBoundingClientRect();
     if (this.box.hidden || !board) return;
-    const { style } = this.box;
-    const isBeside = board.top - 2 * MARGIN < MIN_ROOM;
-    const room = Math.max(board.left, innerWidth - board.right) - 2 * MARGIN;
-    this.box.classList.toggle('at-side', isBeside);
-    this.box.classList.remove('tight');
-    style.maxHeight = `${isBeside ? innerHeight - 2 * MARGIN : board.top - 2 * MARGIN}px`;
-    style.width = isBeside ? `${room}px` : '';
-    style.left = isBeside ? `${board.left > innerWidth - board.right ? MARGIN : board.right + MARGIN}px` : '';
-    this.box.classList.toggle('tight', !isBeside && this.box.scrollHeight > this.box.clientHeight);
+    const dialog = this.#dialogBottom();
+    const top = dialog === null ? MARGIN : board.bottom + MARGIN;
+    const height = dialog === null ? board.top - 2 * MARGIN : innerHeight - top - MARGIN;
+    if (height < MIN_ROOM) this.#placeAtSide(board, dialog ?? 0);
+    else this.#fill({ top, height });
+  }
+
+  /**
+   * @param {DOMRect} board
+   * @param {number} above what ends here is not covered
+   */
+  #placeAtSide(board, above) {
+    const onLeft = board.left > innerWidth - board.right;
+    const width = (onLeft ? board.left : innerWidth - board.right) - 2 * MARGIN;
+    const top = above + MARGIN;
+    this.#fill({ top, height: innerHeight - top - MARGIN, left: onLeft ? MARGIN : board.right + MARGIN, width });
+  }
+
+  /** @param {{ top: number, height: number, left?: number, width?: number }} space with `left`: next to the board */
+  #fill({ top, height, left, width }) {
+    const { classList, style } = this.box;
+    const isAtSide = left !== undefined;
+    classList.toggle('at-side', isAtSide);
+    classList.remove('tight');
+    style.top = `${top}px`;
+    style.maxHeight = `${height}px`;
+    style.width = isAtSide ? `${width}px` : '';
+    style.left = isAtSide ? `${left}px` : '';
+    classList.toggle('tight', !isAtSide && this.box.scrollHeight > this.box.clientHeight);
   }
 }

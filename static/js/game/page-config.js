@@ -8,7 +8,7 @@
  * @property {string} socket
  * @property {string} sprites
  * @property {string[]} [lessons]
- * @property {number} away_s how long one pause may last
+ * @property {number} away_s how long one pause may last, until the server says how long the next one may
  * @property {boolean} ready_page start was pressed on the page before
  * @property {string} [title] of the kitchen, in the language of this page
  * @property {boolean} [expects_partner] an agent in the place of another person is news to the participant

@@ -150,13 +150,14 @@ const WELCOME = {
   ...{ title: 'Test', grid: GRID, seat: 0, watched_seat: 1, horizon: 400, tick_ms: 200, steps: 3, resumed: false },
   ...{ shows_predictions: true, state: kitchen(0, ONION), endless: false, partner: 'agent' },
   ...{ show: 'always', view_radius: 1, partner_seen: true, unknown: [], asked: true, display: 'both' },
+  away_s: 30,
 };
 
 /** @param {Renderer} renderer */
 function tryGame(renderer) {
   let now = 1000;
   /** @type {State} */
-  let state = { ...defaults(), awayLimitS: 30 };
+  let state = defaults();
   /** @param {Wire.FromServer} message */
   const receive = (message) => {
     now += 200;
@@ -164,7 +165,7 @@ function tryGame(renderer) {
   };
   receive(WELCOME);
   renderer.fit(GRID, 128, 128);
-  receive({ type: 'countdown', seconds: 3 });
+  receive({ type: 'countdown', seconds: 3, away_s: 30 });
   receive({ type: 'paused', reason: 'blur', left_s: 3 });
   PREDICTIONS.forEach((prediction, step) => {
     const after = kitchen(step + 1, step % 2 ? 0 : SOUP);

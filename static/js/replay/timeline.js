@@ -96,7 +96,7 @@ export class TimeLine {
     svg.append(shape('rect', { class: 'rest', x: 0, y: 6, width: '100%', height: 20, rx: 3 }));
     svg.append(shape('rect', { class: 'played', x: 0, y: 6, width: x(last), height: 20, rx: 3 }));
     svg.append(...record.rows.flatMap((row) => rowShapes(row, x(row.t))));
-    svg.append(...record.pauses.map((pause) => pauseShape(pause, x(pause.t))));
+    svg.append(...record.pauses.map((pause) => pauseShape(pause, record.game, x(pause.t))));
     this.head = shape('rect', { class: 'head', x: 0, y: 0, width: 3, height: 34 });
     svg.append(this.head);
     this.axis.replaceChildren(svg);
@@ -146,12 +146,28 @@ function rowShapes(row, x) {
 
 /**
  * @param {EpisodeRecord['pauses'][number]} pause
+ * @param {EpisodeRecord['game']} game
  * @param {string} x
  */
-function pauseShape({ t, reason, duration_ms: durationMs }, x) {
+function pauseShape(pause, game, x) {
+  const { t, reason, duration_ms: durationMs } = pause;
   const length = durationMs === null ? '' : `, ${(durationMs / 1000).toFixed(1)} s`;
   const className = AWAY.includes(reason) ? 'away' : 'stop';
-  return shape('rect', { class: className, x, y: 4, width: 4, height: 24 }, `${reason}${length} at t ${t}`);
+  return shape(
+    'rect',
+    { class: className, x, y: 4, width: 4, height: 24 },
+    `${causeOf(pause, game)}${length} at t ${t}`,
+  );
+}
+
+/**
+ * Return why a game was paused, and whose absence it was; the colours are those of the board.
+ * @param {EpisodeRecord['pauses'][number]} pause
+ * @param {EpisodeRecord['game']} game
+ */
+function causeOf({ reason, seat }, game) {
+  if (seat === null || !AWAY.includes(reason)) return reason;
+  return `absence of the ${seat === Math.max(0, game.seat) ? 'blue' : 'green'} chef (${reason})`;
 }
 
 /**

@@ -7,11 +7,14 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import text as sql
 
+from server.monitoring.arms import arm_names
+from server.monitoring.enrolment_flow import arms_of, stock
 from server.participation import places, progress
 from server.participation.progress import ConsentArrival
 from server.participation.served_studies import Studies
 from server.store import decisions, participants
 from server.store.database import Database
+from server.store.overview import Group
 from server.store.participants import Participant, label
 from server.store.tables import participants as people
 from server.store.tables import study_pauses
@@ -71,6 +74,51 @@ def test_a_larger_quota_of_a_new_version_lets_the_difference_in(database: Databa
         arrive(database, studies)
     open_version(database, studies, TWO_EACH.replace("quota: 2}", "quota: 3}"))
     assert sorted(arrive(database, studies).condition for _ in range(2)) == ["with", "without"]
+    with pytest.raises(StudyFullError):
+        arrive(database, studies)
+
+
+REPLACING = TWO_EACH.replace("\nagents:", "\nreplace_excluded: true\nagents:", 1)
+
+
+def completed(database: Database, studies: Studies, number: int) -> list[Participant]:
+    """So many people complete the study."""
+    found = [arrive(database, studies) for _ in range(number)]
+    query = people.update().where(people.c.id.in_([one.id for one in found]))
+    done = {"status": "completed", "completed_at": datetime.now(UTC), "position": 3}
+    database.write_now(lambda connection: connection.execute(query.values(done)))
+    return found
+
+
+def exclude(database: Database, who: Participant) -> int:
+    return database.write_now(decisions.exclude, who.id, None, ("attention", ""), "mara")
+
+
+@pytest.mark.parametrize("text", [TWO_EACH, REPLACING], ids=["kept", "replaced"])
+def test_an_excluded_participant_who_completed_is_replaced_if_the_study_says_so(database: Database, text: str) -> None:
+    studies = asyncio.run(Studies.opened(database, [parse_study(text)]))
+    first, *_ = completed(database, studies, 4)
+    exclude(database, first)
+    if text == TWO_EACH:
+        with pytest.raises(StudyFullError):
+            arrive(database, studies)
+        return
+    study = studies.open("small")
+    assert study is not None
+    held = database.read_now(stock, Group(studies.versions("small")))
+    targets = {arm["name"]: arm["target"] for arm in arms_of(study[1], held, arm_names(study[1], False), False)}
+    assert targets == {name: 3 if name == first.condition else 2 for name in ("with", "without")}
+    assert arrive(database, studies).condition == first.condition
+    with pytest.raises(StudyFullError):
+        arrive(database, studies)
+
+
+def test_who_is_counted_again_after_a_replacement_gives_nobody_a_place(database: Database) -> None:
+    studies = asyncio.run(Studies.opened(database, [parse_study(REPLACING)]))
+    first, *_ = completed(database, studies, 4)
+    number = exclude(database, first)
+    arrive(database, studies)
+    database.write_now(decisions.restore, number, "mara")
     with pytest.raises(StudyFullError):
         arrive(database, studies)
 

@@ -119,3 +119,15 @@ async def test_a_server_that_stops_says_so(running: RunningGames) -> None:
     connection, _ = await running.under_way()
     await running.games.stop()
     assert {message.reason for message in connection.sent if isinstance(message, m.Paused)} == {"server"}
+
+
+async def test_a_game_that_continues_tells_how_long_the_next_absence_may_last(running: RunningGames) -> None:
+    running.specs["e1"] = make_spec(pause=PauseLimits(10.0, 12.0))
+    connection, game = await running.under_way()
+    game.receive(0, connection, m.Away("hidden"))
+    await asyncio.sleep(5.0 / SPEED)
+    game.receive(0, connection, m.Ready())
+    await until(lambda: len(connection.of(m.Countdown)) == 2)
+    first, second = connection.of(m.Countdown)
+    assert first.away_s == round(10.0 / SPEED, 1)
+    assert 0 < second.away_s <= round(7.0 / SPEED, 1)

@@ -74,3 +74,19 @@ def test_leaving_again_and_again_while_the_researcher_pauses_the_game_uses_no_ti
     reasons.release("researcher", 1000.0)
     reasons.hold(0, "blur", 1000.0)
     assert reasons.left_s(1000.0) == pytest.approx(30.0)
+
+
+def test_the_next_absence_may_take_what_earlier_ones_have_left() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    assert reasons.next_absence_s(0.0) == 30.0
+    reasons.hold(0, "hidden", 0.0)
+    reasons.release(0, 28.0)
+    assert reasons.next_absence_s(30.0) == 30.0
+    reasons.hold(0, "lost", 30.0)
+    assert reasons.next_absence_s(50.0) == pytest.approx(12.0)
+    reasons.release(0, 55.0)
+    assert reasons.next_absence_s(60.0) == pytest.approx(7.0)
+    reasons.extend(60.0)
+    assert reasons.next_absence_s(60.0) == pytest.approx(67.0)
+    reasons.hold(1, "lost", 60.0)
+    assert reasons.next_absence_s(200.0) == 0.0

@@ -254,6 +254,13 @@ def test_only_so_many_events_of_one_kind_and_person_are_stored(database: Databas
     assert kinds == [["trouble", "trouble", "reload"], ["trouble"]]
 
 
+def test_an_open_page_of_a_deleted_participant_stores_no_event(database: Database, study_id: int) -> None:
+    person = database.write_now(new_participant, study_id)
+    database.write_now(withdraw, person)
+    event = events.Event("trouble", datetime.now(UTC), person)
+    assert database.write_now(events.add_at_most, event, 2) is False
+
+
 def test_naive_time_is_refused(database: Database, study_id: int) -> None:
     person = database.write_now(new_participant, study_id)
     with pytest.raises(Exception, match="no time zone"):

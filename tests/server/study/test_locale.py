@@ -35,6 +35,16 @@ def test_language_translates_every_sentence(language: str) -> None:
     assert same == []
 
 
+def test_chinese_has_one_word_for_the_code_of_those_who_finish_and_one_for_that_of_all_others() -> None:
+    words = locale("zh").words
+    assert words["thanks.code"] == "你的完成码"
+    assert words["thanks.return_code"] == "你的提前结束码"
+    studies = [path.read_text(encoding="utf-8") for path in (ROOT / "studies").rglob("*.yaml")]
+    for text in (*words.values(), *studies):
+        assert "完成代码" not in text
+        assert "返回代码" not in text
+
+
 def test_words_of_a_language_are_shown_as_they_were_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "xx.yaml").write_text("name: No\ndone: 7.50\nback: 1:30\nnext: 007\nskip: null\n", encoding="utf-8")
     monkeypatch.setattr("server.study.locale.LOCALES", tmp_path)

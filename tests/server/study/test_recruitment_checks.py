@@ -69,3 +69,16 @@ def test_an_odd_quota_of_a_study_for_two_is_pointed_out_and_corrected_with_one_c
     assert not [one for one in view(even).problems if "quota" in one.path]
     alone = SMALL_STUDY.replace("predictor: tom}", "predictor: tom, quota: 45}", 1)
     assert not [one for one in view(alone).problems if "people" in one.text]
+
+
+def test_an_odd_quota_of_all_combinations_of_levels_is_pointed_out_once() -> None:
+    pairs = (ROOT / "studies" / "two_people.yaml").read_text(encoding="utf-8")
+    pairs = re.sub(r"(?m)^conditions:\n(  - .*\n)*", "factors: {prediction: [none, tom]}\ncells: {quota: 45}\n", pairs)
+    (doubt,) = [one for one in view(pairs).problems if "quota" in one.text or "quota" in one.path]
+    assert "of 45 people in each condition, one finds no partner" in doubt.text
+    assert doubt.warning
+    assert doubt.path == ("cells", "quota")
+    assert doubt.fix is not None
+    even = changed(pairs, dict(doubt.fix.operation))
+    assert "cells: {quota: 46}" in even
+    assert not [one for one in view(even).problems if "partner" in one.text]

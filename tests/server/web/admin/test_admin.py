@@ -2,7 +2,7 @@
 
 import dataclasses
 import re
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from xml.etree import ElementTree
 
 import msgspec
@@ -113,6 +113,19 @@ def test_a_replay_has_every_input_at_its_timestep_with_what_became_of_it(site: P
         (7, 3, 2, 5, "applied"),
         (8, 5, None, 5, "replaced"),
         (9, 9, None, 5, "stood_still"),
+    ]
+
+
+def test_a_replay_knows_whose_absence_a_pause_was(site: PageSite) -> None:
+    episode = played(site)
+    began = datetime(2026, 3, 1, tzinfo=UTC)
+    for minute, (reason, seat) in enumerate((("blur", 1), ("researcher", None))):
+        record = PauseRecord(episode, 5, reason, began + timedelta(minutes=minute), 4000.0, seat=seat)
+        site.database.write_now(episodes.pause, record)
+    found = signed_in(site, "own").get(f"/admin/s/small/game/{episode}/record.json").json()["pauses"]
+    assert found == [
+        {"t": 5, "reason": "blur", "duration_ms": 4000.0, "seat": 1},
+        {"t": 5, "reason": "researcher", "duration_ms": 4000.0, "seat": None},
     ]
 
 
