@@ -16,7 +16,7 @@ USER kitchenmind
 RUN python -c "import numpy as np; from overcooked.layout import load_layout as l; from overcooked.state import Kitchens as K; \
     k = K.start(l('coordination_ring')); k.step(np.zeros((1, 2), np.int8), np.zeros((1, 2), np.int32)); k.encode(); \
     from models.inference.worker import Worker as W; from models.inference.wire import Load as L; \
-    W(L((), (('coordination_ring', 'sp_predictor_stream'),)))"
+    W(L((), (('coordination_ring', 'sp_predictor_stream'), ('coordination_ring', 'sp_predictor_window'))))"
 
 VOLUME /app/var
 EXPOSE 8000
