@@ -1,7 +1,10 @@
 """For all tests: one thread per process, as several run in parallel; child processes inherit this."""
 
+import atexit
 import gc
 import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -32,18 +35,21 @@ MEMORY = Path("/dev/shm")  # of Linux
 
 
 def _keep_files_in_memory() -> None:
-    """Have temporary files in memory where there is plenty: tests make and delete tens of thousands of small files, and
-    some disks take milliseconds for each. Programs in it must run, and the server must not find its disk full."""
+    """Have the temporary files of this run in memory where there is plenty: tests make and delete tens of thousands of
+    small files, and some disks take milliseconds for each. Programs in it must run, and the server must not find its
+    disk full. With `--basetemp`, the files of failed tests stay after the run."""
     if "TMPDIR" in os.environ or not os.access(MEMORY, os.W_OK):
         return
     found = os.statvfs(MEMORY)
     if found.f_bavail * found.f_frsize >= 8e9 and not found.f_flag & os.ST_NOEXEC:
-        folder = MEMORY / f"kitchenmind-tests-{os.getuid()}"
-        folder.mkdir(mode=0o711, exist_ok=True)  # PostgreSQL runs as another user
-        os.environ["TMPDIR"] = str(folder)
+        folder = tempfile.mkdtemp(prefix="kitchenmind-tests-", dir=MEMORY)
+        Path(folder).chmod(0o711)  # PostgreSQL runs as another user
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        os.environ["TMPDIR"] = folder  # for child processes
+        tempfile.tempdir = folder  # pytest has asked already
 
 
-_keep_files_in_memory()  # before anybody asks `tempfile`; child processes inherit it
+_keep_files_in_memory()
 
 # Collecting makes half a million objects and no garbage; `pytest_collection_finish` turns collection on again.
 gc.disable()

@@ -37,6 +37,7 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
             "title": spec.title,
             "seat": spec.human_seats[0] if spec.human_seats else -1,
             "watched_seat": spec.watched_seat,
+            "people": len(spec.human_seats),
             "horizon": spec.horizon,
             "tick_ms": spec.tick_ms,
             "deadline_ms": spec.deadline_ms,

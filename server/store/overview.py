@@ -14,7 +14,7 @@ from server.store.tables import answers, episodes, events, exclusions, participa
 
 _p, _e = participants.c, episodes.c
 HERE = timedelta(minutes=2)  # who was seen so lately is in the study now
-LONGEST_GAME = timedelta(minutes=10)  # a game can be longer than the time since the last page load
+MAX_GAME = timedelta(minutes=10)  # a game can be longer than the time since the last page load
 DROPPED = ("timed_out", "returned", "screened_out", "withdrawn")
 TABS: dict[str, tuple[str, ...]] = {
     "active": ("active",),
@@ -133,7 +133,7 @@ def playing(connection: Connection, whose: ColumnElement[bool]) -> list[str]:
     """Return the labels of those of these participants who are in a game."""
     seat = or_(_e.participant_0 == _p.id, _e.participant_1 == _p.id)
     query = select(_p.number, _p.simulated).join_from(participants, episodes, seat).distinct().order_by(_p.number)
-    query = query.where(whose, _e.status == "running", _p.last_seen_at > datetime.now(UTC) - LONGEST_GAME)
+    query = query.where(whose, _e.status == "running", _p.last_seen_at > datetime.now(UTC) - MAX_GAME)
     return [label(row.number, row.simulated) for row in connection.execute(query)]
 
 

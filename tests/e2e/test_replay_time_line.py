@@ -16,6 +16,13 @@ TITLES = """async (record) => {
   return [...axis.querySelectorAll('.away, .stop')].map((mark) => mark.textContent);
 }"""
 
+LANES = """async (record) => {
+  const { TimeLine } = await import('/static/js/replay/timeline.js');
+  const table = document.createElement('div');
+  new TimeLine(document.createElement('div'), table, () => {}).show(record, 0);
+  return table.textContent;
+}"""
+
 
 @pytest.fixture(scope="module")
 def blank(chromium: Browser) -> Iterator[Page]:
@@ -51,3 +58,12 @@ def test_a_pause_says_whose_absence_it_was(blank: Page) -> None:
 
 def test_the_chef_of_the_person_in_seat_1_is_blue_as_on_the_board(blank: Page) -> None:
     assert titles(blank, 1, [pause("hidden", 1)]) == ["absence of the blue chef (hidden), 5.0 s at t 7"]
+
+
+@pytest.mark.parametrize(("people", "word", "other"), [(1, "AI", "Partner"), (2, "Partner", "AI")])
+def test_a_watched_person_is_not_called_an_ai(blank: Page, people: int, word: str, other: str) -> None:
+    row = {"t": 0, "rewards": [0, 0], "late": False, "late_ms": 0, "models_ms": 0, "keys": [], "actions": None}
+    game = {"seat": 0, "watched_seat": 1, "horizon": 400, "deadline_ms": 0, "people": people}
+    text = blank.evaluate(LANES, {"game": game, "rows": [row | {"prediction": []}], "inputs": [], "pauses": []})
+    assert word in text
+    assert other not in text

@@ -92,7 +92,7 @@ def test_answers_that_are_not_probabilities_are_refused(answer: float) -> None:
 def test_agent_check_finds_nan_late_in_an_episode_and_names_lines(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--layout", "coordination_ring", "--deadline-ms", "60000"]
     assert kitchenmind.main(["agent", "check", "faulty_agents:LateNaN", *words]) == 1
-    assert "not probabilities" in capsys.readouterr().err
+    assert "gave NaN, infinite or negative probabilities" in capsys.readouterr().err
     assert kitchenmind.main(["agent", "check", "faulty_agents:Fails", *words]) == 2
     assert "cannot be used: KeyError: 'north' (faulty_agents.py, line 9)" in capsys.readouterr().err
 

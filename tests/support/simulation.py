@@ -55,7 +55,7 @@ def episodes_of(world: World, seed: int) -> tuple[pl.DataFrame, pl.DataFrame]:
             "agent": np.array(AGENTS)[places[2]],
             "reward": np.maximum(0.0, reward.round(0)).ravel(),
         }
-    )
+    ).with_columns(watched_person=pl.lit(None, pl.String))
     answers = [
         table.select(
             "episode", "participant", "condition", "layout", "agent",

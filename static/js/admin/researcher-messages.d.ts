@@ -160,7 +160,7 @@ declare namespace Researcher {
   }
 
   interface EpisodeRecord {
-    game: Still & { title: string; deadline_ms: number };
+    game: Still & { title: string; deadline_ms: number; people?: number };
     rows: Row[];
     inputs: Input[];
     pauses: { t: number; reason: string; duration_ms: number | null; seat: number | null }[];

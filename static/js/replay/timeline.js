@@ -207,8 +207,9 @@ function didLane({ rows }, words, seat) {
  * @returns {Lane[]}
  */
 function watchedLanes(record) {
-  const { seat, watched_seat: watched } = record.game;
-  const words = watched === seat ? 'Person' : 'AI';
+  const { seat, watched_seat: watched, people = 1 } = record.game;
+  const partner = people > 1 ? 'Partner' : 'AI';
+  const words = watched === seat ? 'Person' : partner;
   /** @type {Lane} */
   const did = { className: 'did', words, note: 'did', cell: (at) => ({ text: signOf(actionAt(record, at)) }) };
   /** @type {Lane[]} */

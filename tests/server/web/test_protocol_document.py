@@ -87,7 +87,7 @@ def test_what_the_server_refuses_does_not_fit(message: dict[str, Any]) -> None:
 
 
 def test_a_field_that_a_later_server_adds_fits() -> None:
-    assert validator("FromServer").is_valid({"type": "countdown", "seconds": 3, "later": 1})
+    assert validator("FromServer").is_valid({"type": "countdown", "seconds": 3, "away_s": 30, "later": 1})
     assert not validator("FromServer").is_valid({"type": "ended", "score": 0}), "the server leaves nothing out"
 
 
