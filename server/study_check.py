@@ -97,8 +97,8 @@ def _full_remedy(study: Study, place: Path, name: tuple[str, str], required: Req
     remedy = _remedy(place, layout, model, required, agent.catalogue_name)
     if place[-1] == "predictor":
         return f"{remedy} {capitalised(shown)} its predictions." if shown else remedy
-    arms = {predictor_of(study, agent, arm) for arm in study.displays} - {None}
-    lacks_predictor = any(required.lacks(layout, one) for one in arms if one is not None)
+    predictors = {predictor_of(study, agent, arm) for arm in study.displays}
+    lacks_predictor = any(one is not None and required.lacks(layout, one) for one in predictors)
     if comes_with_its_agent(agent) and lacks_predictor and not is_from_outside(agent):
         why = f": {shown} its predictions" if shown else ""
         remedy += f" It has no predictor either{why}. A scripted agent needs `predictor: random`."

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 
 from tests.support.browser.chromium import SharedChromium
 from tests.support.browser.fake_game_server import FakeGameServer
@@ -41,3 +41,12 @@ def server(game_address: FakeGameServer) -> FakeGameServer:
     """A game's server that a test plays itself. Modules with a real one name theirs the same."""
     game_address.reset()
     return game_address
+
+
+@pytest.fixture(scope="module")
+def blank(chromium: Browser, game_address: FakeGameServer) -> Iterator[Page]:
+    """A page with nothing on it, for the game's scripts alone."""
+    page = chromium.new_page()
+    page.goto(f"{game_address.url}blank")
+    yield page
+    page.close()

@@ -2,16 +2,15 @@
 
 import base64
 import json
-from collections.abc import Iterator
 from io import BytesIO
 from typing import Any
 
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page
 
 from server.play import messages
-from tests.support.browser.fake_game_server import NONE, RINGS, FakeGameServer, kitchen, tick, welcome
+from tests.support.browser.fake_game_server import NONE, RINGS, kitchen, tick, welcome
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
@@ -35,15 +34,10 @@ DRAW = """async ([welcome, ticks, age, reduced, tag]) => {
 
 
 @pytest.fixture(scope="module")
-def blank(chromium: Browser) -> Iterator[Page]:
-    """A page with the game's style sheet, which has the colours, and nothing on it."""
-    server = FakeGameServer()
-    page = chromium.new_page()
-    page.goto(f"{server.url}blank")
-    page.add_style_tag(url="/static/css/tokens.css")
-    yield page
-    page.close()
-    server.close()
+def blank(blank: Page) -> Page:
+    """With the game's style sheet, which has the colours."""
+    blank.add_style_tag(url="/static/css/tokens.css")
+    return blank
 
 
 class Picture:

@@ -2,26 +2,15 @@
 
 import itertools
 import json
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page
 
 from server.play import messages
-from tests.support.browser.fake_game_server import RING, FakeGameServer, kitchen, tick, welcome
+from tests.support.browser.fake_game_server import RING, kitchen, tick, welcome
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
-
-
-@pytest.fixture(scope="module")
-def blank(chromium: Browser) -> Iterator[Page]:
-    server = FakeGameServer()
-    page = chromium.new_page()
-    page.goto(f"{server.url}blank")
-    yield page
-    page.close()
-    server.close()
 
 
 def run(page: Page, module: str, body: str, argument: Any = None) -> Any:

@@ -34,12 +34,10 @@ def server() -> Iterator[FakeGameServer]:
 
 
 @pytest.fixture(scope="module")
-def blank(chromium: Browser, server: FakeGameServer) -> Iterator[Page]:
-    page = chromium.new_page()
-    page.goto(f"{server.url}blank")
-    page.add_style_tag(url="/static/css/tokens.css")
-    yield page
-    page.close()
+def blank(blank: Page) -> Page:
+    """With the game's style sheet, which has the colours."""
+    blank.add_style_tag(url="/static/css/tokens.css")
+    return blank
 
 
 def drawn(page: Page, intention: Any, players: Any = HOLDING, **more: Any) -> Picture:

@@ -1,12 +1,9 @@
 """The time line of a replay, drawn in a browser from a record of a game."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page
-
-from tests.support.browser.fake_game_server import FakeGameServer
+from playwright.sync_api import Page
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 TITLES = """async (record) => {
@@ -22,16 +19,6 @@ LANES = """async (record) => {
   new TimeLine(document.createElement('div'), table, () => {}).show(record, 0);
   return table.textContent;
 }"""
-
-
-@pytest.fixture(scope="module")
-def blank(chromium: Browser) -> Iterator[Page]:
-    server = FakeGameServer()
-    page = chromium.new_page()
-    page.goto(f"{server.url}blank")
-    yield page
-    page.close()
-    server.close()
 
 
 def titles(page: Page, seat: int, pauses: list[dict[str, Any]]) -> list[str]:
