@@ -10,6 +10,7 @@ from sqlalchemy.exc import DBAPIError
 from server.commands.server_data import ServerData
 from server.participation.own_kitchens import load_with_kitchens
 from server.store.database import Database, DatabaseDown
+from server.store.database_file import check_log
 from server.store.engines import normal_url, shown
 from server.store.kitchens import grids_at
 from server.store.migrate import known_revisions, newest_revision, revision_of
@@ -56,6 +57,8 @@ def open_stored(url: str) -> Database:
         raise NoStoredData(f"there is no database {wanted.database}")
     database = StoredDatabase(wanted.render_as_string(hide_password=False), read_only=True)
     try:
+        if wanted.get_backend_name() == "sqlite":
+            check_log(Path(str(wanted.database)))
         has_tables = database.read_now(lambda connection: inspect(connection).has_table("ticks"))
     except DatabaseDown as error:
         database.close()

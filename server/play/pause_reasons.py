@@ -30,6 +30,7 @@ class PauseReasons:
         self._limits = limits
         self._held: dict[Holder, Hold] = {}
         self._away_s = away_ms / 1000  # of absences that are over
+        self._away_since: float | None = None  # since when somebody is away; of two who are away at once, the first
         self._stopped_at: float | None = None  # since when absences do not count
 
     def __bool__(self) -> bool:
@@ -47,27 +48,33 @@ class PauseReasons:
         held = self._held.get(holder)
         if held is None or held.reason not in AWAY_REASONS:
             self._held[holder] = Hold(reason, now)
+        if self._away_since is None and self.is_away(holder):
+            self._away_since = now
         if holder in _STOP_ABSENCES and self._stopped_at is None:
             self._stopped_at = now
 
     def release(self, holder: Holder, now: float) -> None:
-        held = self._held.pop(holder, None)
-        if held is not None and held.reason in AWAY_REASONS:
-            self._away_s += self._counted_s(held, now)
+        self._held.pop(holder, None)
+        anybody = any(map(self.is_away, self._held))
+        if self._away_since is not None and not anybody:
+            self._away_s += self._counted_s(self._away_since, now)
+            self._away_since = None
         if self._stopped_at is not None and not any(one in self._held for one in _STOP_ABSENCES):
             self._stopped_at = None
             self._held = {one: replace(hold, since=now) for one, hold in self._held.items()}  # restart their time
+            self._away_since = now if anybody else None
 
-    def _counted_s(self, absence: Hold, now: float) -> float:
+    def _counted_s(self, since: float, now: float) -> float:
         """Return how much an absence that is over now counts for."""
         if self._stopped_at is None:
-            return max(MIN_ABSENCE_S, now - absence.since)
-        return max(0.0, self._stopped_at - absence.since)  # it does not let the game continue: no minimum is needed
+            return max(MIN_ABSENCE_S, now - since)
+        return max(0.0, self._stopped_at - since)  # it does not let the game continue: no minimum is needed
 
     def away_ms(self, now: float) -> float:
-        """Return how much of the time that all absences together may take is used up by now."""
-        lasting = [held for held in self._held.values() if held.reason in AWAY_REASONS]
-        return 1000 * (self._away_s + sum(self._counted_s(held, now) for held in lasting))
+        """Return how much of the time that all absences together may take is used up by now. The time in which two
+        people are away at once counts once: they share the limit, and often the cause."""
+        lasting = 0.0 if self._away_since is None else self._counted_s(self._away_since, now)
+        return 1000 * (self._away_s + lasting)
 
     def next_absence_s(self, now: float) -> float:
         """Return how long an absence that begins now may last."""
@@ -93,7 +100,7 @@ class PauseReasons:
         if self._stopped_at is not None:
             return None
         away = [now - held.since for held in self._held.values() if held.reason in AWAY_REASONS]
-        if not away:
+        if self._away_since is None or not away:
             return None
-        longest = max(away)
-        return min(self._limits.each_s - longest, self._limits.episode_s - self._away_s - longest)
+        left_of_all = self._limits.episode_s - self._away_s - (now - self._away_since)
+        return min(self._limits.each_s - max(away), left_of_all)

@@ -8,10 +8,15 @@ import fcntl
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Final
 
 from server.store import private_files
 from server.store.database_errors import DatabaseDown, DatabaseInUse
+
+# The file format says at this offset how a database is read: 2 with a log (every database that a server has opened), 1
+# without one (what `VACUUM INTO` and so `kitchenmind backup` writes). https://sqlite.org/fileformat.html
+_READ_VERSION: Final = 19
+_WITHOUT_LOG: Final = b"\x01"
 
 
 class OpenedFile:
@@ -34,7 +39,7 @@ class OpenedFile:
 def locked(path: Path) -> IO[str]:
     """Return the lock of the database, held while the server lives: the system releases it when the process dies,
     however it dies. Makes the database's files. Raises DatabaseInUse, DatabaseDown."""
-    _check_log(path)
+    check_log(path)
     lock = Path(f"{path}.lock")
     was_there = lock.exists()
     try:
@@ -69,15 +74,31 @@ def _sign(file: IO[str]) -> None:
         raise DatabaseDown(f"cannot write {path}: {error.strerror}") from error
 
 
-def _check_log(path: Path) -> None:
-    """Raise DatabaseDown if SQLite's log is there without its database: SQLite would make a new database and drop the
-    log, which has the newest data of the old one."""
+def check_log(path: Path) -> None:
+    """Raise DatabaseDown if SQLite's log is there without its database, or next to a copy that never had a log. SQLite
+    would drop the log of the first, which has its newest data, and mix the pages of two databases in the second."""
     log = Path(f"{path}-wal")
-    has_content = path.exists() and path.stat().st_size > 0
-    if not has_content and log.exists() and log.stat().st_size > 0:
+    if _size(log) == 0:
+        return
+    if _size(path) == 0:
         raise DatabaseDown(
             f"{path} is missing, but its log {log.name} is there. Put the database back, or move the log away."
         )
+    with path.open("rb") as file:
+        header = file.read(_READ_VERSION + 1)
+    if header[_READ_VERSION:] == _WITHOUT_LOG:
+        raise DatabaseDown(
+            f"{path} is a backup, but the log {log.name} of the database that it replaced is still there. Move the "
+            f"log and {path.name}-shm away, or put the database back to which they belong."
+        )
+
+
+def _size(path: Path) -> int:
+    """Return the bytes of a file; 0 if there is none."""
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

@@ -88,10 +88,13 @@ def begin(connection: Connection, data: StudyData, served: bool, reason: str) ->
 
 
 def delete_participant(connection: Connection, participant_id: str) -> None:
-    """Delete one participant; only a tombstone stays. Does nothing if the participant has withdrawn since."""
-    here = select(t.participants.c.id).where(t.participants.c.id == participant_id)
-    if connection.execute(here).first() is None:
+    """Delete one participant; only a tombstone stays. Does nothing if the participant has withdrawn since. Raises
+    ValueError if a game has begun since: participants of a closed study may finish it."""
+    this = t.participants.c.id == participant_id
+    if connection.execute(select(t.participants.c.id).where(this)).first() is None:
         return
+    for label in overview.playing(connection, this):
+        raise ValueError(f"{label} has begun a game during the deletion. Repeat it when the game is over")
     at = datetime.now(UTC)
     withdrawal.erase(connection, participant_id, at)
     tombstones.keep(connection, participant_id, at)

@@ -82,7 +82,7 @@ class Pause(StrictModel):
     each_s: Annotated[float, Field(gt=0, le=3600)] = 30
     """The longest single absence, in seconds."""
     episode_s: Annotated[float, Field(gt=0, le=7200)] = 60
-    """The longest total absence within one episode, in seconds."""
+    """The longest total absence within one episode, in seconds. Time in which both people are away counts once."""
 
 
 class Progress(StrictModel):

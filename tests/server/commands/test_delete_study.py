@@ -5,7 +5,7 @@ from io import StringIO
 from pathlib import Path
 
 import pytest
-from sqlalchemy import update
+from sqlalchemy import Connection, update
 
 import kitchenmind
 from server.store import audit, decisions, participants, studies, study_deletion, tombstones
@@ -102,6 +102,26 @@ def test_nothing_is_deleted_while_a_participant_is_in_a_game(
     assert delete(url) == 2
     assert "in a game of ring now: P-002" in capsys.readouterr().err
     assert len(people(url)) == 3
+
+
+def test_a_game_that_began_during_the_deletion_is_not_deleted_in_its_middle(
+    filled: Database, url: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a study that was closed: who is in it may finish."""
+    filled.write_now(decisions.pause_study, "ring", "anna")
+    last = filled.read_now(participants.of_study, 1)[-1]
+    begun = update(episodes).where(episodes.c.participant_0 == last.id).values(status="running")
+
+    begin = study_deletion.begin
+
+    def then_a_game_begins(connection: Connection, data: study_deletion.StudyData, served: bool, reason: str) -> None:
+        begin(connection, data, served, reason)
+        connection.execute(begun)
+
+    monkeypatch.setattr(study_deletion, "begin", then_a_game_begins)
+    assert delete(url) == 2
+    assert f"P-00{last.number} has begun a game during the deletion. Repeat it" in capsys.readouterr().err
+    assert people(url) == [last.id]
 
 
 def test_a_study_that_a_server_may_serve_is_paused_first(

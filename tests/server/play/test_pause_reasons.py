@@ -90,3 +90,35 @@ def test_the_next_absence_may_take_what_earlier_ones_have_left() -> None:
     assert reasons.next_absence_s(60.0) == pytest.approx(67.0)
     reasons.hold(1, "lost", 60.0)
     assert reasons.next_absence_s(200.0) == 0.0
+
+
+def test_the_time_in_which_two_people_are_away_counts_once() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons.hold(0, "lost", 0.0)
+    reasons.hold(1, "lost", 5.0)
+    reasons.release(0, 20.0)
+    reasons.release(1, 25.0)
+    assert reasons.away_ms(100.0) == 25_000.0
+
+
+def test_two_people_who_relieve_each_other_use_up_the_time_of_the_episode() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons.hold(0, "lost", 0.0)
+    reasons.hold(1, "lost", 25.0)
+    reasons.release(0, 26.0)
+    reasons.hold(0, "lost", 50.0)
+    reasons.release(1, 51.0)
+    assert reasons.left_s(51.0) == pytest.approx(9.0)
+    assert reasons.away_ms(51.0) == 51_000.0
+
+
+def test_after_a_pause_of_the_researcher_two_absences_begin_anew() -> None:
+    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons.hold(0, "lost", 0.0)
+    reasons.hold(1, "lost", 0.0)
+    reasons.hold("researcher", "researcher", 10.0)
+    reasons.release(0, 500.0)
+    reasons.release("researcher", 1000.0)
+    assert reasons.left_s(1004.0) == pytest.approx(26.0)
+    reasons.release(1, 1004.0)
+    assert reasons.away_ms(1004.0) == 4_000.0

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Connection, func, select
 
+from server.commands.databases import open_stored
 from server.store import database_file, studies
+from server.store.backup import copy_to
 from server.store.database import Database, DatabaseDown
 from server.store.migrate import migrate
 from server.store.tables import studies as study_table
@@ -70,6 +72,31 @@ def test_a_log_without_its_database_is_not_dropped(file: Path) -> None:
     elsewhere.rename(file)
     with Database(f"sqlite:///{file}") as database:
         assert database.read_now(how_many) == 1
+
+
+def test_a_restored_backup_is_not_mixed_with_the_log_of_what_it_replaced(file: Path) -> None:
+    url, log = f"sqlite:///{file}", Path(f"{file}-wal")
+    with Database(url) as database:
+        database.write_now(studies.register, "ring", "text")
+        copy_to(database.url, file.with_name("copy.db"))
+        database.write_now(studies.register, "later", "text")
+        crashed = log.read_bytes()
+    shutil.copy(file.with_name("copy.db"), file)
+    log.write_bytes(crashed)
+    for open_it in (Database, migrate, open_stored):
+        with pytest.raises((DatabaseDown, ValueError), match=r"study\.db is a backup, but the log study\.db-wal of"):
+            open_it(url)
+    assert log.read_bytes() == crashed
+    log.unlink()
+    with Database(url) as database:
+        assert database.read_now(how_many) == 1
+        database.write_now(studies.register, "after", "text")
+        crashed = log.read_bytes()
+        both = file.read_bytes()
+    file.write_bytes(both)
+    log.write_bytes(crashed)
+    with Database(url) as database:
+        assert database.read_now(how_many) == 2, "what crashes after a restore has a log of its own"
 
 
 def test_a_disk_without_room_for_the_lock_is_reported_without_a_traceback(
