@@ -261,8 +261,8 @@ def _taken_part(files: list[Path], participants: pl.DataFrame) -> list[Path]:
 
 def _about(folder: Path, study: str, version: int | None, participants: pl.DataFrame) -> dict[str, Any]:
     """Return what the export has in addition to its tables: about.json, and `title`, `factors` (with levels),
-    `conditions` and `layouts` (names in order) of the chosen version of the study file, else of the newest one under
-    which somebody took part, where it lies in the export."""
+    `left_out` (combinations of levels), `conditions` and `layouts` (names in order) of the chosen version of the study
+    file, else of the newest one under which somebody took part, where it lies in the export."""
     path = folder / "about.json"
     try:
         said = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -280,7 +280,9 @@ def _about(folder: Path, study: str, version: int | None, participants: pl.DataF
         about["title"] = next(iter(title.values())) if isinstance(title, dict) else title or about.get("title")
         about["factors"] = {name: list(levels) for name, levels in (said.get("factors") or {}).items()}
         about |= {key: [part["name"] for part in said.get(key) or []] for key in ("conditions", "layouts")}
-        if about["factors"] and not (said.get("cells") or {}).get("within"):
+        cells = said.get("cells") or {}
+        about["left_out"] = [str(name) for name in cells.get("without") or ()]
+        if about["factors"] and not cells.get("within"):
             about["conditions"] = ["_".join(levels) for levels in product(*about["factors"].values())]
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, RecursionError):
         pass  # title and order are optional
