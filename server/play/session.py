@@ -115,7 +115,8 @@ class Session:
         if self.phase == "ended" or waits_already:
             return None
         started = self.stored or self.simulation.timestep > 0
-        self.pause_reasons.hold(holder, reason if started or isinstance(holder, str) else NOT_STARTED, now)
+        counts = started or isinstance(holder, str)
+        self.pause_reasons.hold(holder, reason if counts else self.pause_reasons.before_start(holder, self.people), now)
         if not self.moving:
             return None
         self.phase = "paused" if started else "waiting"
