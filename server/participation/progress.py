@@ -28,6 +28,10 @@ class StudyPaused(StudyFullError):
     """A researcher paused the study: no new participants are accepted now."""
 
 
+class ConsentChanged(Exception):
+    """The study has another consent page than the one that the person has read."""
+
+
 class AlreadyFinished(Exception):
     """The person's participation is over, and the recruiter's id alone does not reopen it."""
 
@@ -35,7 +39,7 @@ class AlreadyFinished(Exception):
 @dataclass(frozen=True)
 class ConsentArrival:
     """A consent: for which study, with which cookie, from which link. `holder`: the participant whose
-    cookie the browser had before."""
+    cookie the browser had before. `text`: the fingerprint of the consent page that was read; empty: not known."""
 
     study: str
     token: str
@@ -44,6 +48,7 @@ class ConsentArrival:
     extra: Mapping[str, str] = field(default_factory=dict)
     simulated: bool = False
     holder: str | None = None
+    text: str = ""
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,7 @@ def has_news(connection: Connection, participant_id: str, extra: Mapping[str, st
 def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant:
     """Create the participant who consents now, in the next condition among people or among bots; or return the person's
     existing participant, who continues with the new cookie and the link's newest parameters. Raises StudyFullError,
-    StudyPaused, StudyClosed, AlreadyFinished."""
+    StudyPaused, StudyClosed, AlreadyFinished, ConsentChanged."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:
         return same_page
@@ -106,6 +111,8 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
     study_id, study = opened
     if is_paused(connection, study.name):
         raise StudyPaused(study.name)
+    if arrival.text not in ("", study.consent.fingerprint):
+        raise ConsentChanged(study.name)
     places.release(connection, all_studies, study)
     row = studies.get(connection, study_id)
     number = row.enrolled(arrival.simulated) if row else 0

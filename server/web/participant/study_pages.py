@@ -39,7 +39,7 @@ from server.web.dependencies import (
 )
 from server.web.forms import Form, first
 from server.web.participant import visit_counts
-from server.web.participant.views import Filled, consent_context, render_step
+from server.web.participant.views import Filled, consent_again, consent_context, render_step
 
 router = APIRouter()
 router.include_router(visit_counts.router)
@@ -131,14 +131,18 @@ async def consent(
     token = token_for(web.csrf.secret, study.name, visit)
     holder = participant.id if participant is not None else None
     simulated = _is_simulated(web, form)
-    arrival = progress.ConsentArrival(study.name, token, made.language, person, extra, simulated, holder)
+    read = first(form, "consent_text")
+    arrival = progress.ConsentArrival(study.name, token, made.language, person, extra, simulated, holder, read)
     before = await web.database.read(progress.already_here, web.studies, arrival)
     open_boxes = [index for index in range(len(study.consent.boxes)) if not first(form, f"box_{index}")]
     if open_boxes and before is None:
-        context = consent_context(study, made.language, person, extra, visit)
-        ticked = [index for index in range(len(study.consent.boxes)) if index not in open_boxes]
-        return made.render("participant/consent.html", 422, **(context | {"ticked": ticked, "open_boxes": open_boxes}))
-    if refused := await _enrol(made, arrival):
+        return consent_again(made, arrival, visit, open_boxes)
+    try:
+        refused = await _enrol(made, arrival)
+    except progress.ConsentChanged:
+        opened = web.studies.open(study.name)
+        return consent_again(replace(made, study=opened[1] if opened else study), arrival, visit, [])
+    if refused is not None:
         return refused
     response = _to(step_address(study.name))
     set_cookie(response, study.name, token, secure=web.csrf.secure)

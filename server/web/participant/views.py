@@ -70,12 +70,25 @@ def consent_context(
         "consent": study.consent,
         "kept": kept,
         "visit": visit,
+        "consent_text": study.consent.fingerprint,
+        "changed": False,
         "ticked": [],
         "open_boxes": [],
         "phases": [phase for phase in phases if phase in present],
         "phase": "consent",
         "page_language": language,
     }
+
+
+def consent_again(made: PageResponse, arrival: progress.ConsentArrival, visit: str, open_boxes: list[int]) -> Response:
+    """Show the consent page again: because of boxes that are open, or with a new text, for which no box is ticked."""
+    assert made.study is not None  # noqa: S101 - the caller's page is one of a study
+    consent = made.study.consent
+    changed = arrival.text not in ("", consent.fingerprint)
+    ticked = [] if changed else [index for index in range(len(consent.boxes)) if index not in open_boxes]
+    context = consent_context(made.study, made.language, arrival.person, arrival.extra, visit)
+    context |= {"ticked": ticked, "open_boxes": [] if changed else open_boxes, "changed": changed}
+    return made.render("participant/consent.html", 409 if changed else 422, **context)
 
 
 async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exit]:
