@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 from server.participation import pairing
 from server.participation.episode_specs import agent_of, episode_spec
 from server.participation.served_studies import Studies
-from server.participation.waiting_room import PairingRequest
+from server.participation.waiting_room import Outlook, PairingRequest
 from server.play.episode_spec import EpisodeSpec
 from server.play.session import VIEWER
 from server.store import episodes, participants
@@ -105,16 +105,9 @@ class Seating:
         """Seat a person for whom no partner arrived."""
         await self.database.write(pairing.go_alone, self.studies, self._sit, participant_id)
 
-    async def has_lost_partner(self, participant_id: str) -> bool:
-        """Return whether the person with whom this one has played cannot play the coming round with them."""
-        return await self.database.read(self._is_alone, participant_id)
-
-    def _is_alone(self, connection: Connection, participant_id: str) -> bool:
-        participant = participants.get(connection, participant_id)
-        if participant is None or participant.status != "active":
-            return False
-        step = self.studies.step(participant)
-        return bool(pairing.company(connection, self.studies, participant, step).alone)
+    async def outlook(self, participant_id: str) -> Outlook:
+        """Return whether somebody can still come to the coming round of a person who waits."""
+        return await self.database.read(pairing.outlook, self.studies, participant_id)
 
     def _sit(self, connection: Connection, people: Sequence[Participant], step: StudyStep) -> str:
         return episodes.create(connection, self._new(people, step))
