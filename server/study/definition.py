@@ -134,14 +134,14 @@ class WaitingRoomSettings(StrictModel):
 
 
 class Tutorial(StrictModel):
-    """The practice game. It has no time limit and is passed with a delivery."""
+    """The practice game. It has no time limit and is passed with the last lesson."""
 
     layout: KitchenChoice = Field(default_factory=_practice)
     """The kitchen of the practice. Empty: a small one with enough room for both chefs."""
     agent: PartnerSettings = PartnerSettings(name="guide", predictor="guide")
     """The partner in the practice. The default, guide, walks up and down, so that its marks are easy to read."""
     lessons: tuple[Lesson, ...] = LESSONS
-    """The lessons and their order."""
+    """The lessons and their order. Empty: the practice ends with a delivery."""
     skippable: bool = False
     """Show a button that skips the practice. The data record its use."""
 
