@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from typing import Final
 
 from sqlalchemy import Connection
 
@@ -17,6 +19,7 @@ from server.store.episodes import NewEpisode, StoredEpisode
 from server.store.participants import Participant
 from server.study.steps import StudyStep, step_address
 
+SEEN_EVERY: Final = timedelta(minutes=1)  # somebody who waits
 Fingerprint = Callable[[str, str], str | None]  # (layout, model) -> sha256 of its checkpoint
 
 
@@ -106,8 +109,18 @@ class Seating:
         await self.database.write(pairing.go_alone, self.studies, self._sit, participant_id)
 
     async def outlook(self, participant_id: str) -> Outlook:
-        """Return whether somebody can still come to the coming round of a person who waits."""
-        return await self.database.read(pairing.outlook, self.studies, participant_id)
+        """Return whether somebody can still come to the coming round of a person who waits, and note that they are
+        there: their page is not loaded again, and others must not take them for gone."""
+        found, was_noted = await self.database.read(self._outlook, participant_id)
+        if found != "gone" and not was_noted:
+            await self.database.write(participants.seen, participant_id)
+        return found
+
+    def _outlook(self, connection: Connection, participant_id: str) -> tuple[Outlook, bool]:
+        participant = participants.get(connection, participant_id)
+        lately = datetime.now(UTC) - SEEN_EVERY
+        was_noted = participant is not None and participant.last_seen_at > lately
+        return pairing.outlook(connection, self.studies, participant_id), was_noted
 
     def _sit(self, connection: Connection, people: Sequence[Participant], step: StudyStep) -> str:
         return episodes.create(connection, self._new(people, step))

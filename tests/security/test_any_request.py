@@ -12,7 +12,7 @@ from tests.support.faults.invariants import Holdings
 
 WORDS = {"type": "string"}
 FIELDS = (
-    "step", "visit", "language", "code", "name", "password", "next", "blind", "text", "note", "reason", "minutes",
+    "step", "visit", "consent_text", "language", "code", "name", "password", "next", "blind", "text", "note", "reason", "minutes",
     "exclusion", "kind", "box_0", "satisfied", "simulated", "PROLIFIC_PID", "grid", "version", "table", "contains",
     "column", "sort", "operation", "revision", "template", "number", "condition", "what",
 )  # fmt: skip
