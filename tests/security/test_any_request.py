@@ -12,9 +12,9 @@ from tests.support.faults.invariants import Holdings
 
 WORDS = {"type": "string"}
 FIELDS = (
-    "step", "visit", "consent_text", "language", "code", "name", "password", "next", "blind", "text", "note", "reason", "minutes",
+    "step", "visit", "language", "code", "name", "password", "next", "blind", "text", "note", "reason", "minutes",
     "exclusion", "kind", "box_0", "satisfied", "simulated", "PROLIFIC_PID", "grid", "version", "table", "contains",
-    "column", "sort", "operation", "revision", "template", "number", "condition", "what",
+    "column", "sort", "operation", "revision", "template", "number", "condition", "what", "consent_text",
 )  # fmt: skip
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None, "derandomize": True}
 
