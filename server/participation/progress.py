@@ -70,10 +70,11 @@ class FailedQuiz:
 
 
 def known(connection: Connection, all_studies: Studies, name: str, person: str | None) -> Participant | None:
-    """Return the participant whom the recruiter sent before, in any version of the study."""
-    for study_id in all_studies.versions(name) if person else ():
+    """Return the participant whom the recruiter sent before, in any version of the study: also in one that another
+    process has just opened. Nobody can continue in a version that cannot be read any more; they may begin again."""
+    for study_id in reversed(studies.ids_of(connection, name)) if person else ():
         found = participants.by_recruitment_id(connection, study_id, person or "")
-        if found is not None:
+        if found is not None and (found.status != "active" or all_studies.can_read(connection, study_id)):
             return found
     return None
 
@@ -245,9 +246,10 @@ def wrong_quiz(connection: Connection, all_studies: Studies, participant_id: str
     return True
 
 
-def by_code(connection: Connection, all_studies: Studies, name: str, code: str) -> Participant | None:
-    """Return the participant with this completion code, in any version of the study."""
-    for study_id in all_studies.versions(name) if code else ():
+def by_code(connection: Connection, name: str, code: str) -> Participant | None:
+    """Return the participant with this completion code, in any version of the study: data of one that cannot be read
+    any more can still be deleted."""
+    for study_id in studies.ids_of(connection, name) if code else ():
         found = participants.by_code(connection, study_id, code)
         if found is not None:
             return found

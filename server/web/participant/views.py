@@ -106,7 +106,9 @@ async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exi
 
 def debriefing_of(page: PageResponse, participant: Participant) -> Section | None:
     """Return the debriefing of somebody who leaves early and whose condition may have misled them."""
-    study = page.web.studies.of(participant)
+    study = page.web.studies.version(participant.study_id)
+    if study is None:  # it cannot be read any more
+        return None
     misled = study.condition(participant.condition).misleads
     return study.pages[study.debriefing] if misled and study.debriefing else None
 
