@@ -125,8 +125,7 @@ class WaitingRoomSettings(StrictModel):
     """Where a participant waits for the other person in a study for two."""
 
     limit_s: Annotated[float, Field(ge=1, le=3600)] = 180
-    """The longest wait in seconds, from the first time the page was opened, pauses of the study not counted. Then
-    `fallback` applies."""
+    """The longest wait in seconds since the page first opened, without the study's pauses. Then `fallback` applies."""
     fallback: Literal["agent", "leave"] = "agent"
     """agent: play this round and all later ones with `agent`. leave: end the study with the code `unpaired`."""
     agent: PartnerSettings = PartnerSettings(name="planner", predictor="random")

@@ -15,7 +15,7 @@ __all__ = ["make"]
 
 
 def opened_page(pair: Pair, seconds_ago: float) -> None:
-    """The one who stays came to the first round so long ago."""
+    """The one who stays came to the first round that many seconds ago."""
     pair.walk_to(pair.stays, "episode-01")
     pair.database.write_now(progress.arrive, pair.studies, pair.stays)
     query = update(visits).where(visits.c.step_key == "episode-01")
