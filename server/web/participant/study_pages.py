@@ -13,7 +13,7 @@ from fastapi.responses import RedirectResponse
 from server.participation import progress
 from server.participation.episode_specs import layout_of
 from server.participation.page_answers import check_page
-from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of, turned_away
+from server.participation.recruiter_links import is_preview, link_parameters, may_start_new, recruitment_of, turned_away
 from server.play.close_codes import CloseCode
 from server.store import new_places, participants, study_openings
 from server.store.new_places import NoPlaceLeft
@@ -125,6 +125,7 @@ async def consent(
     if person is None and study.recruitment.required:
         raise HTTPException(400, "the link's parameter that names the person is missing")
     made = _in_language(page(request, web, study), first(form, "language"))
+    made = replace(made, link=link_parameters(study.recruitment, person, extra))
     visit = first(form, "visit")
     if not 16 <= len(visit) <= 64:
         raise HTTPException(400, "The form has no valid number. Reload the page.")

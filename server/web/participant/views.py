@@ -9,7 +9,7 @@ from fastapi import Response
 from server.participation import pairing, progress
 from server.participation.episode_specs import layout_of, lessons
 from server.participation.page_answers import questions_of
-from server.participation.recruiter_links import ReturnTarget, return_target
+from server.participation.recruiter_links import ReturnTarget, link_parameters, return_target
 from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
@@ -59,16 +59,13 @@ def consent_context(
 ) -> dict[str, Any]:
     """Return the data of the consent page. Its form carries the link's parameters, which are not in the address of
     later pages."""
-    kept = dict(extra)
-    if person is not None and study.recruitment.person_parameter:
-        kept[study.recruitment.person_parameter] = person
     phases = ["consent", "introduction", "practice", "rounds", "finish"]
     present = {"consent", "introduction", "finish"}
     present |= {"practice"} if "tutorial" in study.flow else set()
     present |= {"rounds"} if "episodes" in study.flow else set()
     return {
         "consent": study.consent,
-        "kept": kept,
+        "kept": link_parameters(study.recruitment, person, extra),
         "visit": visit,
         "consent_text": study.consent.fingerprint,
         "changed": False,
