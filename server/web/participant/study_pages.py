@@ -122,10 +122,11 @@ async def consent(
     """Make the participant and the cookie. The same page sent twice makes one participant."""
     study = known.study
     person, extra = recruitment_of(study.recruitment, {key: values[0] for key, values in form.items()})
+    request.state.link = link_parameters(study.recruitment, person, extra)  # also for the page of an error
     if person is None and study.recruitment.required:
         raise HTTPException(400, "the link's parameter that names the person is missing")
     made = _in_language(page(request, web, study), first(form, "language"))
-    made = replace(made, link=link_parameters(study.recruitment, person, extra))
+    made = replace(made, link=request.state.link)
     visit = first(form, "visit")
     if not 16 <= len(visit) <= 64:
         raise HTTPException(400, "The form has no valid number. Reload the page.")

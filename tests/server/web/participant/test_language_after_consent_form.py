@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from server.store import decisions
+from server.store.database import DatabaseDown
 from tests.server.web.participant.test_changed_consent import NEW, OLD, open_version
 from tests.server.web.participant.test_filling_a_study import ONE_EACH
 from tests.server.web.participant.test_recruiters import RECRUITMENTS
@@ -65,4 +66,20 @@ def test_a_study_that_is_paused_in_the_moment_of_consent_is_tried_again_with_the
     (again,) = re.findall(r'class="btn" href="([^"]*)"', visitor.page.text)
     site.database.write_now(decisions.resume_study, "small", "mara")
     assert visitor.get(unescape(again)).status_code == 200
+    assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
+
+
+def test_an_error_of_the_database_at_consent_leads_back_with_the_recruiters_link(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def down(*_: object) -> None:
+        raise DatabaseDown("away")
+
+    visitor = Visitor(site)
+    visitor.get(f"/s/small{link(1)}")
+    monkeypatch.setattr(site.database, "write", down)
+    assert visitor.send("/s/small/consent", visitor.fields("/consent") | {"box_0": "yes"}).status_code == 503
+    (back,) = re.findall(r'class="btn" href="([^"]*)"', visitor.page.text)
+    monkeypatch.undo()
+    assert visitor.get(unescape(back)).status_code == 200
     assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
