@@ -29,8 +29,11 @@ def equivalence_rows(
 ) -> list[Result]:
     """Return two rows for each claim: `equivalence` (p of the two one-sided tests, the interval that decides) and
     `difference` (Welch). Claims: the main contrast where no difference is expected; random against none; the
-    satisfaction with the partner. `answers` are those on the questionnaire's layouts."""
+    satisfaction with the partner. `answers` are those on the questionnaire's layouts. None without a main contrast:
+    there is one condition, or the conditions are orders of blocks, which nobody asks to be equivalent."""
     rows: list[Result] = []
+    if contrast is None:
+        return rows
     base = Result(SECTION, "equivalence", agent=ALL, unit="people")
     if smallest.reward is not None:
         people = PeopleGroups(episodes, "reward")
@@ -48,12 +51,12 @@ def equivalence_rows(
 
 
 def _places(
-    smallest: DeclaredEffect, episodes: pl.DataFrame, conditions: Sequence[str], contrast: tuple[str, str] | None
+    smallest: DeclaredEffect, episodes: pl.DataFrame, conditions: Sequence[str], contrast: tuple[str, str]
 ) -> list[tuple[str, tuple[str, str]]]:
     """Return the place and the two conditions of each claim."""
     played = set(episodes["layout"].unique())
     layouts = [name for name in smallest.layouts or (NO_DIFFERENCE,) if name in played]
-    places = [(layout, contrast) for layout in layouts] if contrast else []
+    places = [(layout, contrast) for layout in layouts]
     blind = ("random", "none")
     return places + ([(ALL, blind)] if set(blind) <= set(conditions) else [])
 

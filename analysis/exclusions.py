@@ -16,7 +16,7 @@ REASONS = {
     "screened_out": "did not pass the checks",
     "withdrawn": WITHDRAWN,
     "timed_out": "not seen for too long",
-    "returned": "returned the study",
+    "returned": "left without a partner, or was released by the researcher",
 }
 
 

@@ -8,7 +8,8 @@ FASTER = 1.05  # times real time, by the median timestep: jitter is less
 
 
 def lag(ticks: pl.DataFrame, pauses: pl.DataFrame) -> pl.DataFrame:
-    """Return how much slower than the fastest key the slowest twentieth of an episode's keys came: episode, lag_ms.
+    """Return how much slower than the fastest key the slowest twentieth of an episode's keys came: episode, lag_ms. A
+    key that is held decides many timesteps and counts once.
 
     The clocks of browser and server differ by a constant only from one pause to the next: the server's leaves pauses
     out, and a new page starts its own. So each key is compared with the fastest one between the same two pauses; a page
@@ -18,7 +19,8 @@ def lag(ticks: pl.DataFrame, pauses: pl.DataFrame) -> pl.DataFrame:
     if not known or (pauses.height and "timestep" not in pauses.columns):
         return ticks.select("episode", lag_ms=pl.lit(None, dtype=pl.Float64)).unique()
     delay = (pl.col("key_received_ms") - pl.col("key_client_ms")).cast(pl.Float64)
-    keys = _between_pauses(ticks, pauses).with_columns(delay=delay)
+    one_key = ("episode", "pause", "key_client_ms", "key_received_ms")
+    keys = _between_pauses(ticks, pauses).unique(one_key, maintain_order=True).with_columns(delay=delay)
     keys = keys.with_columns(extra=pl.col("delay") - pl.col("delay").min().over("episode", "pause"))
     found = keys.group_by("episode").agg(lag_ms=pl.col("extra").quantile(0.95, "linear"))
     is_faster = pl.col("episode").is_in(faster_than_real_time(ticks)["episode"].to_list())

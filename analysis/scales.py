@@ -90,15 +90,22 @@ def scores(export: Export, episodes: pl.DataFrame, used: Mapping[str, Sequence[s
     analysed `episodes` answered. A score needs half of the items or more."""
     people = episodes.select("participant", "condition").unique(maintain_order=True)
     answers = export.all_answers.join(people, on="participant", how="inner")
-    about = pl.col("episode").is_null() | pl.col("episode").is_in(episodes["episode"].to_list())
-    answers = answers.filter(about)
+    counting = episodes["episode"].to_list()
     found = [
-        _scored(answers.filter(pl.col("step").cast(pl.String).str.contains(rf"^{re.escape(key)}(-\d+)?$")), key, one)
+        _scored(answers.filter(_is_page_of(key, counting)), key, one)
         for key, names in used.items()
         for name in names
         for one in subscales(name)
     ]
     return pl.concat([pl.DataFrame(schema=SCORES), *found])
+
+
+def _is_page_of(questionnaire: str, episodes: Sequence[str]) -> pl.Expr:
+    """Return whether an answer is of this questionnaire, about the study or one of the episodes. A page after a round
+    whose partner withdrew names no episode any more, as the round was deleted; it is not about the study."""
+    step = pl.col("step").cast(pl.String)
+    is_after_round = step.str.contains(rf"^{re.escape(questionnaire)}-\d+$")
+    return (step == questionnaire) | (is_after_round & pl.col("episode").is_in(episodes).fill_null(value=False))
 
 
 def _scored(answers: pl.DataFrame, questionnaire: str, subscale: Subscale) -> pl.DataFrame:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from analysis import formatting
 from analysis.declared import Declaration, DeclaredTest
-from analysis.formatting import listed, p_equals
+from analysis.exclusions import REASONS
+from analysis.formatting import listed, p_equals, word
 from analysis.phrases import ALPHA, condition
 from analysis.primary import at_this_look
 from analysis.primary_text import compared_words, measure_words
@@ -86,10 +87,18 @@ def _attrition(rows: Sequence[Result]) -> str:
         return ""
     lost = listed([f"{round(row.estimate * row.n)} of {row.n} with {condition(row.condition)}" for row in parts])
     row = tests[0]
+    text = f"Of those assigned{_still_active(rows)}, these did not finish the study: {lost}"
     if math.isnan(row.p):
-        return f"Of those assigned, these did not finish the study: {lost}."
+        return f"{text}."
     verb = "differed" if row.p < ALPHA else "did not differ significantly"
+    return f"{text}; attrition {verb} between the conditions ({row.note}, <i>p</i> {p_equals(row.p)})."
+
+
+def _still_active(rows: Sequence[Result]) -> str:
+    """Return that the shares leave out people who are still taking part, whom the table of the flow counts."""
+    active = select(rows, section="exclusions", test="left", condition="all", note=REASONS["active"])
     return (
-        f"Of those assigned, these did not finish the study: {lost}; attrition {verb} between the conditions "
-        f"({row.note}, <i>p</i> {p_equals(row.p)})."
+        f", without the {word(active[0].n)} who {'are' if active[0].n > 1 else 'is'} still taking part"
+        if active
+        else ""
     )

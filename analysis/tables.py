@@ -17,6 +17,7 @@ import yaml
 from analysis.simulated import PEOPLE, SIMULATED, Subjects, is_simulated, without_pooling
 from analysis.table_files import COLUMNS, read_table
 from analysis.table_files import ExportError as ExportError
+from analysis.within_effects import PREFIX
 
 STEPS = 3  # predicted actions a timestep
 ACTIONS = 6
@@ -131,8 +132,9 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
     """Return the tables of one study, as they are exported, in its roles. `folder` has the rest, if it has
     anything."""
     participants = _with_default(raw["participants"], "excluded", "").with_columns(pl.col("excluded").fill_null(""))
-    participants = _with_default(participants, "attention_failed", 0)
+    participants = _with_own_factors(_with_default(participants, "attention_failed", 0))
     episodes = _episodes(raw["episodes"]).join(participants.select("participant"), on="participant", how="semi")
+    episodes = _with_own_factors(episodes)
     played = episodes.select("episode")
     numbers = _of_own_episodes(_numbers(raw["answers"]), episodes)
     return Export(
@@ -164,6 +166,13 @@ def _chosen_study(participants: pl.DataFrame, study: str | None) -> str:
         if study is None
         else f"The export holds no study {study}. It has: {', '.join(present)}."
     )
+
+
+def _with_own_factors(table: pl.DataFrame) -> pl.DataFrame:
+    """Return the table without the factors of other studies and versions: an export has one column for all of them,
+    and where a factor has its column says whether it varies within people."""
+    names = [name for name in table.columns if name.startswith(PREFIX)]
+    return table.drop(name for name in names if table[name].null_count() == table.height)
 
 
 def _with_default(table: pl.DataFrame, column: str, value: object) -> pl.DataFrame:
@@ -252,8 +261,8 @@ def _taken_part(files: list[Path], participants: pl.DataFrame) -> list[Path]:
 
 def _about(folder: Path, study: str, version: int | None, participants: pl.DataFrame) -> dict[str, Any]:
     """Return what the export has in addition to its tables: about.json, and `title`, `factors` (with levels),
-    `conditions` and `layouts` (names in order) of the chosen version of the study file, else of the newest one under
-    which somebody took part, where it lies in the export."""
+    `left_out` (combinations of levels), `conditions` and `layouts` (names in order) of the chosen version of the study
+    file, else of the newest one under which somebody took part, where it lies in the export."""
     path = folder / "about.json"
     try:
         said = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -271,7 +280,9 @@ def _about(folder: Path, study: str, version: int | None, participants: pl.DataF
         about["title"] = next(iter(title.values())) if isinstance(title, dict) else title or about.get("title")
         about["factors"] = {name: list(levels) for name, levels in (said.get("factors") or {}).items()}
         about |= {key: [part["name"] for part in said.get(key) or []] for key in ("conditions", "layouts")}
-        if about["factors"] and not (said.get("cells") or {}).get("within"):
+        cells = said.get("cells") or {}
+        about["left_out"] = [str(name) for name in cells.get("without") or ()]
+        if about["factors"] and not cells.get("within"):
             about["conditions"] = ["_".join(levels) for levels in product(*about["factors"].values())]
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, RecursionError):
         pass  # title and order are optional

@@ -275,7 +275,7 @@ def _sockets(web: Web, games: Games, versions: StudyVersions) -> Sockets:
     async def find(connection: HTTPConnection, study: str) -> ConnectedPlayer | None:
         return await seats.find(token_of(connection), study)
 
-    room = WaitingRoom(games.clock, seats.seat_two, seats.seat_alone, seats.has_lost_partner)
+    room = WaitingRoom(games.clock, seats.seat_two, seats.seat_alone, seats.outlook)
     return Sockets(games, find, web.csrf.is_own_origin, report, room)
 
 

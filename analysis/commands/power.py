@@ -237,6 +237,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
         declared or declaration_of(export).primary,
         factors={name: len(levels) for name, levels in factors.items()},
         within=within,
+        left_out=tuple(export.about.get("left_out") or ()),
         simulated=export.is_simulated,
     )
     if plan.declared is None:

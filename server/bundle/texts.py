@@ -88,8 +88,13 @@ _TESTS = (
 _FACTORIAL = "factorial analysis of variance over people (type III): main effects, interactions, simple effects"
 
 
+_OF_CONDITIONS = ("whether main_comparison", "equivalence within")  # beginnings of what blocks of rounds have not
+
+
 def _tests(study: Study) -> list[str]:
-    return [*_TESTS, _FACTORIAL] if study.factors else list(_TESTS)
+    """Return the tests; with blocks of rounds, conditions are their orders, and there is no main comparison."""
+    tests = [text for text in _TESTS if not (study.cells.within and text.startswith(_OF_CONDITIONS))]
+    return [*tests, _FACTORIAL] if study.factors else tests
 
 
 def _levels(study: Study) -> dict[str, dict[str, str]]:

@@ -44,7 +44,11 @@ PARTICIPANTS = ExportTable(
         Column("number", "integer", "1 to n in order of consent, including participants who withdrew.", bits=32),
         Column("allocation_number", "integer", "1 to n among people, or among bots: seed and order follow.", bits=32),
         text("condition", "Arm of the study."),
-        text("status", "One of: " + ", ".join(PARTICIPANT_STATUSES) + "."),
+        text(
+            "status",
+            f"One of: {', '.join(PARTICIPANT_STATUSES)}. Returned: no partner came or stayed (event `alone`), or the "
+            "researcher released the place.",
+        ),
         text("language", "Language of the pages (BCP 47)."),
         Column(
             "simulated",

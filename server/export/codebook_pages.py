@@ -7,7 +7,11 @@ ANSWERS = ExportTable(
     "an answer to a question",
     (
         PARTICIPANT,
-        text("episode", "Episode that the question is about; empty: about the study."),
+        text(
+            "episode",
+            "Episode that the question is about; empty: about the study, or about a round that was deleted because its "
+            "partner withdrew (`step` then ends with the number of the round).",
+        ),
         STEP,
         text("question", "Key of the question in the study file, or of the item of a published scale (`scales`)."),
         text("value", "The answer; lists and yes/no as JSON."),

@@ -40,15 +40,18 @@ def _failed() -> Label[int]:
 
 
 def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFrame]:
-    """Return the export's tables with these episodes and all answers of their participants."""
+    """Return the export's tables for these episodes: all episodes and answers of their participants, as a rule is about
+    all of them together, but ticks and pauses of these episodes alone."""
+    seats = select(_e.participant_0, _e.participant_1).where(_e.id.in_(chosen))
+    people = {person for row in connection.execute(seats) for person in row} - {None}
+    theirs = or_(_e.id.in_(chosen), _e.participant_0.in_(people), _e.participant_1.in_(people))
     own = [_e[name] for name in _OF_EPISODES]
     broken = displays.violations(connection, chosen)
-    found = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()
+    found = connection.execute(select(_e.id.label("episode"), *own).where(theirs)).mappings().all()
     played = [
         dict(row) | {"display_violations": broken.get(row["episode"], displays.NO_VIOLATIONS).timesteps}
         for row in found
     ]
-    people = {row[f"participant_{seat}"] for row in played for seat in (0, 1)} - {None}
     of_people = select(_p.id.label("participant"), studies.c.key.label("study"), _p.condition, _p.status, _failed())
     of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))
     query = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention)

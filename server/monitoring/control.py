@@ -117,13 +117,16 @@ class Control:
         return True
 
     async def _end(self, game: Game, reason: str) -> bool:
-        """End the game. False: its database is away."""
+        """End the game. False: its database is away, and the game is as it was."""
+        was_held = RESEARCHER in game.session.pause_reasons
         game.pause(RESEARCHER, "researcher")
         try:
             async with asyncio.timeout(BUSY_S):
                 while game.busy:
                     await asyncio.sleep(0.01)
         except TimeoutError:
+            if not was_held:  # nobody would resume a game that no researcher has paused
+                _release(game)
             return False
         self._games.abort(game, reason)
         return True

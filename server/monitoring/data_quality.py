@@ -77,4 +77,4 @@ def _proposals(connection: Connection, episodes: list[str]) -> dict[str, Episode
     from server.export import quality_inputs
 
     tables: dict[str, Any] = quality_inputs.tables(connection, episodes)
-    return {episode: EpisodeQuality(*proposal) for episode, proposal in episode_proposals(tables).items()}
+    return {episode: EpisodeQuality(*proposal) for episode, proposal in episode_proposals(tables, episodes).items()}

@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, func, select
 
-from server.participation import next_step
+from server.participation import next_step, places
 from server.participation.served_studies import Studies
-from server.participation.waiting_room import PairingRequest
-from server.store import episodes, events, participants, withdrawal
+from server.participation.waiting_room import Outlook, PairingRequest
+from server.store import decisions, episodes, events, participants, withdrawal
 from server.store.episodes import StoredEpisode
 from server.store.participants import Participant
 from server.store.tables import visits
@@ -81,14 +81,28 @@ def is_deleted(connection: Connection, participant_id: str, step: StudyStep) -> 
 def request(
     connection: Connection, studies: Studies, participant: Participant, step: StudyStep, partner: str | None
 ) -> PairingRequest:
-    """Return the participant's pairing request, with the time when they first opened the page of the round."""
+    """Return the participant's pairing request. The wait counts from the time when they first opened the page of the
+    round, without the pauses of the study, in which nobody new can come."""
     first = select(func.min(visits.c.entered_at))
     since = connection.execute(
         first.where(visits.c.participant_id == participant.id, visits.c.step_key == step.key)
     ).scalar()
     room = (participant.study_id, participant.condition, step.key, participant.simulated)
-    limit_s = studies.of(participant).waiting_room.limit_s
-    return PairingRequest(room, since or datetime.now(UTC), limit_s, partner)
+    study, now = studies.of(participant), datetime.now(UTC)
+    waited_s = places.unpaused_s(since or now, now, decisions.pauses_of(connection, study.name))
+    return PairingRequest(room, since or now, study.waiting_room.limit_s, partner, waited_s)
+
+
+def outlook(connection: Connection, studies: Studies, participant_id: str) -> Outlook:
+    """Return whether somebody can still come to the coming round of a participant who waits. Nobody comes to somebody
+    whose participation is over: a researcher has released the place."""
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active":
+        return "gone"
+    if company(connection, studies, participant, studies.step(participant)).alone:
+        return "gone"
+    is_paused = studies.of(participant).name in decisions.paused_studies(connection)
+    return "stopped" if is_paused else "open"
 
 
 def seat_two(connection: Connection, studies: Studies, seat_down: SeatDown, first: str, second: str) -> bool:

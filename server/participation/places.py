@@ -71,6 +71,14 @@ def unseen_before(connection: Connection, study: Study, minutes: float) -> datet
     return unpaused_ago(datetime.now(UTC), timedelta(minutes=minutes), decisions.pauses_of(connection, study.name))
 
 
+def unpaused_s(since: datetime, until: datetime, pauses: Iterable[Pause]) -> float:
+    """Return how many seconds of this time are left if the pauses are left out; 0 if the clock was set back since."""
+    left = until - since
+    for begun, ended in pauses:
+        left -= max(min(ended or until, until) - max(begun, since), timedelta())
+    return max(0.0, left.total_seconds())
+
+
 def unpaused_ago(now: datetime, span: timedelta, pauses: Iterable[Pause]) -> datetime:
     """Return the moment from which `span` passes until `now` if the pauses are left out. Pauses do not overlap."""
     cursor = now

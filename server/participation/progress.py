@@ -28,6 +28,10 @@ class StudyPaused(StudyFullError):
     """A researcher paused the study: no new participants are accepted now."""
 
 
+class ConsentChanged(Exception):
+    """The study has another consent page than the one that the person has read."""
+
+
 class AlreadyFinished(Exception):
     """The person's participation is over, and the recruiter's id alone does not reopen it."""
 
@@ -35,7 +39,7 @@ class AlreadyFinished(Exception):
 @dataclass(frozen=True)
 class ConsentArrival:
     """A consent: for which study, with which cookie, from which link. `holder`: the participant whose
-    cookie the browser had before."""
+    cookie the browser had before. `text`: the fingerprint of the consent page that was read; empty: not known."""
 
     study: str
     token: str
@@ -44,6 +48,7 @@ class ConsentArrival:
     extra: Mapping[str, str] = field(default_factory=dict)
     simulated: bool = False
     holder: str | None = None
+    text: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,10 +70,11 @@ class FailedQuiz:
 
 
 def known(connection: Connection, all_studies: Studies, name: str, person: str | None) -> Participant | None:
-    """Return the participant whom the recruiter sent before, in any version of the study."""
-    for study_id in all_studies.versions(name) if person else ():
+    """Return the participant whom the recruiter sent before, in any version of the study: also in one that another
+    process has just opened. Nobody can continue in a version that cannot be read any more; they may begin again."""
+    for study_id in reversed(studies.ids_of(connection, name)) if person else ():
         found = participants.by_recruitment_id(connection, study_id, person or "")
-        if found is not None:
+        if found is not None and (found.status != "active" or all_studies.can_read(connection, study_id)):
             return found
     return None
 
@@ -88,7 +94,7 @@ def has_news(connection: Connection, participant_id: str, extra: Mapping[str, st
 def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant:
     """Create the participant who consents now, in the next condition among people or among bots; or return the person's
     existing participant, who continues with the new cookie and the link's newest parameters. Raises StudyFullError,
-    StudyPaused, StudyClosed, AlreadyFinished."""
+    StudyPaused, StudyClosed, AlreadyFinished, ConsentChanged."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:
         return same_page
@@ -106,6 +112,8 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
     study_id, study = opened
     if is_paused(connection, study.name):
         raise StudyPaused(study.name)
+    if arrival.text not in ("", study.consent.fingerprint):
+        raise ConsentChanged(study.name)
     places.release(connection, all_studies, study)
     row = studies.get(connection, study_id)
     number = row.enrolled(arrival.simulated) if row else 0
@@ -238,9 +246,10 @@ def wrong_quiz(connection: Connection, all_studies: Studies, participant_id: str
     return True
 
 
-def by_code(connection: Connection, all_studies: Studies, name: str, code: str) -> Participant | None:
-    """Return the participant with this completion code, in any version of the study."""
-    for study_id in all_studies.versions(name) if code else ():
+def by_code(connection: Connection, name: str, code: str) -> Participant | None:
+    """Return the participant with this completion code, in any version of the study: data of one that cannot be read
+    any more can still be deleted."""
+    for study_id in studies.ids_of(connection, name) if code else ():
         found = participants.by_code(connection, study_id, code)
         if found is not None:
             return found

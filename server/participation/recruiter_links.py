@@ -53,6 +53,12 @@ def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[
     return person, extra
 
 
+def link_parameters(recruitment: Recruitment, person: str | None, extra: Mapping[str, str]) -> dict[str, str]:
+    """Return the parameters of the link that `recruitment_of` has read: a form carries them to the next page."""
+    named = {recruitment.person_parameter: person} if recruitment.person_parameter and person is not None else {}
+    return dict(extra) | named
+
+
 def is_preview(recruitment: Recruitment, given: Mapping[str, str]) -> bool:
     """Return whether this is a preview of an MTurk assignment that the person has not accepted."""
     return recruitment.source == "mturk" and _parameter(given, "assignmentId") == PREVIEW

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from typing import Final
 
 from sqlalchemy import Connection
 
 from server.participation import pairing
 from server.participation.episode_specs import agent_of, episode_spec
 from server.participation.served_studies import Studies
-from server.participation.waiting_room import PairingRequest
+from server.participation.waiting_room import Outlook, PairingRequest
 from server.play.episode_spec import EpisodeSpec
 from server.play.session import VIEWER
 from server.store import episodes, participants
@@ -17,6 +19,7 @@ from server.store.episodes import NewEpisode, StoredEpisode
 from server.store.participants import Participant
 from server.study.steps import StudyStep, step_address
 
+SEEN_EVERY: Final = timedelta(minutes=1)  # somebody who waits
 Fingerprint = Callable[[str, str], str | None]  # (layout, model) -> sha256 of its checkpoint
 
 
@@ -105,16 +108,19 @@ class Seating:
         """Seat a person for whom no partner arrived."""
         await self.database.write(pairing.go_alone, self.studies, self._sit, participant_id)
 
-    async def has_lost_partner(self, participant_id: str) -> bool:
-        """Return whether the person with whom this one has played cannot play the coming round with them."""
-        return await self.database.read(self._is_alone, participant_id)
+    async def outlook(self, participant_id: str) -> Outlook:
+        """Return whether somebody can still come to the coming round of a person who waits, and note that they are
+        there: their page is not loaded again, and others must not take them for gone."""
+        found, was_noted = await self.database.read(self._outlook, participant_id)
+        if found != "gone" and not was_noted:
+            await self.database.write(participants.seen, participant_id)
+        return found
 
-    def _is_alone(self, connection: Connection, participant_id: str) -> bool:
+    def _outlook(self, connection: Connection, participant_id: str) -> tuple[Outlook, bool]:
         participant = participants.get(connection, participant_id)
-        if participant is None or participant.status != "active":
-            return False
-        step = self.studies.step(participant)
-        return bool(pairing.company(connection, self.studies, participant, step).alone)
+        lately = datetime.now(UTC) - SEEN_EVERY
+        was_noted = participant is not None and participant.last_seen_at > lately
+        return pairing.outlook(connection, self.studies, participant_id), was_noted
 
     def _sit(self, connection: Connection, people: Sequence[Participant], step: StudyStep) -> str:
         return episodes.create(connection, self._new(people, step))

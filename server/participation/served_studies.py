@@ -59,6 +59,12 @@ class Studies:
                 log.warning("version %d of %s cannot be read any more: %s", row.version, row.key, error)
         self._versions = self._versions | found  # a new one: the event loop may be reading it
 
+    def can_read(self, connection: Connection, study_id: int) -> bool:
+        """Return whether this version can be read, also if another process has opened it since."""
+        if study_id not in self._versions:
+            self.learn(connection)
+        return study_id in self._versions
+
     def names(self) -> tuple[str, ...]:
         """Return the studies that take new participants, in the order given."""
         return tuple(self._open)

@@ -1,5 +1,6 @@
 """Why a game is paused, since when, and how long it may be. Times are seconds of the caller's clock."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from server.play.episode_spec import PauseLimits
@@ -52,6 +53,12 @@ class PauseReasons:
             self._away_since = now
         if holder in _STOP_ABSENCES and self._stopped_at is None:
             self._stopped_at = now
+
+    def before_start(self, person: Holder, people: Iterable[int]) -> str:
+        """Return the reason for one of the people who leaves before the start: an absence if another one is ready and
+        waits for them."""
+        is_awaited = any(other != person and other not in self._held for other in people)
+        return "lost" if is_awaited else NOT_STARTED
 
     def release(self, holder: Holder, now: float) -> None:
         self._held.pop(holder, None)

@@ -89,7 +89,7 @@ class Session:
         """Whether the episode is over; the result then waits to be stored."""
         if self.spec.horizon and self.simulation.timestep >= self.spec.horizon:
             return True
-        return self.tutor is not None and self.tutor.finished
+        return self.spec.kind == "tutorial" and self._learnt()
 
     # People
 
@@ -115,7 +115,8 @@ class Session:
         if self.phase == "ended" or waits_already:
             return None
         started = self.stored or self.simulation.timestep > 0
-        self.pause_reasons.hold(holder, reason if started or isinstance(holder, str) else NOT_STARTED, now)
+        counts = started or isinstance(holder, str)
+        self.pause_reasons.hold(holder, reason if counts else self.pause_reasons.before_start(holder, self.people), now)
         if not self.moving:
             return None
         self.phase = "paused" if started else "waiting"
@@ -274,11 +275,11 @@ class Session:
     # The end
 
     def result(self, status: Literal["done", "aborted"] = "done", reason: str = "") -> EpisodeResult:
-        """Return how the episode ends now. `passed`: played to its end; a tutorial only with a delivery."""
+        """Return how the episode ends now. `passed`: played to its end; a tutorial with all of its lessons."""
         self.phase = "ended"
         for keys in self.keys.values():
             keys.clear(ENDED)
-        passed = status == "done" and (self.spec.kind != "tutorial" or self._delivered())
+        passed = status == "done" and (self.spec.kind != "tutorial" or self._learnt())
         credit = progress_credit(
             self.simulation.layout, self.simulation.players(), self.simulation.contents(), self.spec.progress
         )
@@ -295,5 +296,5 @@ class Session:
             inputs=self.settled_inputs(),
         )
 
-    def _delivered(self) -> bool:
-        return self.tutor.delivered if self.tutor is not None else self.simulation.soups > 0
+    def _learnt(self) -> bool:
+        return self.tutor.finished if self.tutor is not None else self.simulation.soups > 0  # nothing to teach

@@ -48,10 +48,6 @@ class Tutor:
     def finished(self) -> bool:
         return self.index == len(self.lessons)
 
-    @property
-    def delivered(self) -> bool:
-        return "deliver" in self._learnt
-
     def watch(self, simulation: Simulation, step: SimulatedStep) -> None:
         """Take one timestep into account: `step` led to the state in which `simulation` is now."""
         teaching = self.lessons[self.index] if not self.finished else None

@@ -1,5 +1,5 @@
 """The predictor's accuracy so far, per agent and layout: each episode is counted once, a few episodes per call, so that
-reading a large study does not delay running games.
+reading a large study does not delay running games. As everywhere on the dashboard, people and bots are never pooled.
 """
 
 import math
@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from sqlalchemy import Connection, case, func, select
+from sqlalchemy import ColumnElement, Connection, and_, case, func, or_, select
 
-from server.store import interactions
-from server.store.tables import episodes, ticks
+from server.store import interactions, overview
+from server.store.overview import Group
+from server.store.tables import episodes, participants, ticks
 
 EPISODES_A_CALL = 20
 _STEPS, _ACTIONS = 3, 6
@@ -36,12 +37,17 @@ class RunningAccuracy:
     hits: dict[tuple[str, str], Hits] = field(default_factory=dict)
     waiting: int = 0
     _counted: set[str] = field(default_factory=set)
+    _of_bots: bool = False
 
     def count(self, connection: Connection, study_ids: Sequence[int]) -> None:
-        """Count the next episodes that were played to their end. For one thread at a time."""
+        """Count the next episodes that were played to their end, of people, or of bots where only bots came. For one
+        thread at a time."""
+        group = overview.group_to_show(connection, study_ids)
+        if group.simulated != self._of_bots:  # the first person has come
+            self.hits, self._counted, self._of_bots = {}, set(), group.simulated
         agent = func.coalesce(_e.agent_name, case((_e.watched_seat == 0, _e.agent_0), else_=_e.agent_1))
         query = select(_e.id, _e.layout, _e.watched_seat, agent.label("agent")).where(
-            _e.study_id.in_(study_ids), _e.kind == "episode", _e.status == "done", _e.predictor.is_not(None)
+            _e.study_id.in_(study_ids), _e.kind == "episode", _e.status == "done", _e.predictor.is_not(None), _of(group)
         )
         new = [row for row in connection.execute(query) if row.id not in self._counted]
         for row in new[:EPISODES_A_CALL]:
@@ -55,6 +61,12 @@ class RunningAccuracy:
             hits.episodes += 1
             self._counted.add(row.id)
         self.waiting = max(0, len(new) - EPISODES_A_CALL)
+
+
+def _of(group: Group) -> ColumnElement[bool]:
+    """Return whether nobody of the other kind has a seat in an episode."""
+    others = select(participants.c.id).where(Group(group.study_ids, not group.simulated).members())
+    return and_(*(or_(seat.is_(None), seat.not_in(others)) for seat in (_e.participant_0, _e.participant_1)))
 
 
 def hits_of(connection: Connection, episode_id: str, watched_seat: int) -> list[tuple[int, int]]:

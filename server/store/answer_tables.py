@@ -16,7 +16,7 @@ answers = Table(
         ForeignKey(EPISODE),
         nullable=True,
         index=True,
-        meaning="About which episode; none: about the study.",
+        meaning="About which episode; none: about the study, or about a round deleted with its partner.",
     ),
     column("step_key", KEY, meaning="Page of the participant's plan."),
     column("question_key", KEY, meaning="Question in the study file."),

@@ -94,10 +94,10 @@ def check_log(path: Path) -> None:
 
 
 def _size(path: Path) -> int:
-    """Return the bytes of a file; 0 if there is none."""
+    """Return the bytes of a file; 0 if there is none, or it cannot be looked at (opening it will say why)."""
     try:
         return path.stat().st_size
-    except FileNotFoundError:
+    except OSError:
         return 0
 
 

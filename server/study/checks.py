@@ -24,7 +24,7 @@ from server.study.quick_fixes import QuickFix, insert, keep_only, leave_out, wri
 from server.study.steps import episodes_of, episodes_of_a_block, order_of_all_blocks
 from server.study.text import Text
 
-EVERY_CONDITION: Final = "all"
+TOGETHER: Final = "all"
 
 Path = tuple[str | int, ...]
 
@@ -106,6 +106,9 @@ def _names(study: Study) -> Iterator[Problem]:
         for index, name in enumerate(names):
             if name in names[:index]:
                 yield Problem((block, index, "name"), f"{name!r} is there twice", "Give each its own name.")
+            if name == TOGETHER:
+                reason = f"reports call all {block} together {TOGETHER!r}"
+                yield Problem((block, index, "name"), reason, "Choose another name.")
     yield from _unknown_languages(study.languages)
     if len(set(study.languages)) < len(study.languages):
         yield Problem(("languages",), "a language is there twice", "Name each once.")
@@ -162,9 +165,6 @@ def _flow(study: Study) -> Iterator[Problem]:
 
 def _conditions(study: Study) -> Iterator[Problem]:
     for index, condition in enumerate(study.displays):
-        if condition.name == EVERY_CONDITION:
-            reason = f"reports call all conditions together {EVERY_CONDITION!r}"
-            yield Problem(("conditions", index, "name"), reason, "Choose another name.")
         if (condition.predictor == "degraded") != (condition.accuracy is not None):
             reason = "`accuracy` and `predictor: degraded` belong together"
             yield Problem(

@@ -1,5 +1,6 @@
 """The consent page of a study file, and its other pages of text, as frozen models."""
 
+import hashlib
 from typing import Annotated
 
 from pydantic import Field
@@ -45,3 +46,8 @@ class Consent(StrictModel):
     sections: Annotated[tuple[Section, ...], Field(min_length=1)]
     boxes: Annotated[tuple[Text, ...], Field(min_length=1)]
     """The statements that a participant must tick."""
+
+    @property
+    def fingerprint(self) -> str:
+        """What names this text in the page's form: another text, in any language, has another one."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]

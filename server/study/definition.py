@@ -125,7 +125,7 @@ class WaitingRoomSettings(StrictModel):
     """Where a participant waits for the other person in a study for two."""
 
     limit_s: Annotated[float, Field(ge=1, le=3600)] = 180
-    """The longest wait in seconds, from the first time the page was opened. Then `fallback` applies."""
+    """The longest wait in seconds since the page first opened, without the study's pauses. Then `fallback` applies."""
     fallback: Literal["agent", "leave"] = "agent"
     """agent: play this round and all later ones with `agent`. leave: end the study with the code `unpaired`."""
     agent: PartnerSettings = PartnerSettings(name="planner", predictor="random")
@@ -133,14 +133,14 @@ class WaitingRoomSettings(StrictModel):
 
 
 class Tutorial(StrictModel):
-    """The practice game. It has no time limit and is passed with a delivery."""
+    """The practice game. It has no time limit and is passed with the last lesson."""
 
     layout: KitchenChoice = Field(default_factory=_practice)
     """The kitchen of the practice. Empty: a small one with enough room for both chefs."""
     agent: PartnerSettings = PartnerSettings(name="guide", predictor="guide")
     """The partner in the practice. The default, guide, walks up and down, so that its marks are easy to read."""
     lessons: tuple[Lesson, ...] = LESSONS
-    """The lessons and their order."""
+    """The lessons and their order. Empty: the practice ends with a delivery."""
     skippable: bool = False
     """Show a button that skips the practice. The data record its use."""
 

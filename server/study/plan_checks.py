@@ -98,6 +98,9 @@ def _smallest_effect(study: Study) -> Iterator[Problem]:
     yield from _known_once(study.layouts, smallest.layouts, ("smallest_effect", "layouts"), "layout")
     if smallest.reward is None and smallest.answers is None:
         yield Problem(("smallest_effect",), "no effect is set", "Add `reward: 5` or `answers: 0.5`, in points.")
+    if study.cells.within:
+        reason = "the report tests no equivalence, as the conditions are orders of blocks"
+        yield Problem(("smallest_effect",), reason, "Remove `smallest_effect`, or `cells.within`.", warning=True)
 
 
 def _measures(study: Study, seen: Condition) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Dependencies of routes: the server's services, the requesting participant, templates and texts."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -185,6 +186,7 @@ class PageResponse:
     language: str
     study: Study | None = None
     participant: Participant | None = None
+    link: Mapping[str, str] | None = None  # the recruiter's parameters, for the answer to a form that carried them
 
     @property
     def words(self) -> Locale:
@@ -205,6 +207,7 @@ class PageResponse:
             "phases": (),
             "phase": "",
         }
+        base["shown_at"] = "" if self.link is None else base["path"]  # the address of a form is not that of a page
         headers = {"Cache-Control": "no-store", "Vary": "Accept"}
         if wants_json(self.request):
             made = step_page(template, base | context, self._form_token())
@@ -226,8 +229,8 @@ class PageResponse:
 
     def _query_with_language(self, language: str) -> str:
         """Return the address's parameters with another language, so that a recruitment link stays complete."""
-        kept = [(name, value) for name, value in self.request.query_params.multi_items() if name != "lang"]
-        return urlencode([*kept, ("lang", language)])
+        given = self.request.query_params.multi_items() if self.link is None else list(self.link.items())
+        return urlencode([*((name, value) for name, value in given if name != "lang"), ("lang", language)])
 
     @property
     def languages(self) -> tuple[str, ...]:

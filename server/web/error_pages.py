@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -62,4 +63,5 @@ def _participants_error(request: Request, status: int) -> Response:
     study = opened[1] if opened else None
     kind = str(status if status in _KNOWN else 500 if status >= 500 else 400)
     path = f"{web.csrf.root}/s/{study.name}" if study else ""
-    return page(request, web, study).render("participant/error.html", status, kind=kind, study=None, path=path)
+    made = replace(page(request, web, study), link=getattr(request.state, "link", None))
+    return made.render("participant/error.html", status, kind=kind, study=None, path=path)

@@ -20,6 +20,7 @@ from analysis.equivalence_text import equivalence_sentences, outcome
 from analysis.report import write_report
 from analysis.results import Result, select
 from analysis.study import Options
+from analysis.synthetic import Truth, write_export
 from analysis.tables import read_export
 from server.study.analysis_plan import SmallestEffect
 from tests.support.declaring import declaring
@@ -148,3 +149,17 @@ def test_a_smallest_effect_that_came_after_some_data_is_named(planted_folder: Pa
     assert "24 simulated participants took part under version 1" in found.warning
     assert "another smallest effect" in found.warning
     assert "primary test" not in found.warning
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_the_report_does_not_say_that_an_effect_is_not_set_where_the_data_have_nothing_to_test_with_it(
+    tmp_path: Path,
+) -> None:
+    truth = Truth(participants=4, conditions=("none", "tom"), layouts=("matrix",), timesteps=20, broken=0)
+    write_export(truth, tmp_path / "plain")
+    folder = declaring(tmp_path / "plain", tmp_path / "data", "smallest_effect: {reward: 5}\n")
+    made = write_report(folder, tmp_path / "report", QUICK)
+    page = made.page.read_text("utf-8")
+    assert select(made.analysis.rows, section="equivalence") == [], "clear_division was not played"
+    assert "sets no smallest effect of interest" not in page
+    assert "nothing to test with it: two conditions on a layout where predictions should make no difference" in page

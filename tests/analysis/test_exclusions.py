@@ -1,5 +1,6 @@
 """From assignment to analysis: everybody is somewhere, and excluded people are in no analysed round."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -79,3 +80,14 @@ def test_a_condition_from_which_everybody_withdrew_is_in_the_flow_and_in_the_att
     (test,) = select(made.analysis.rows, section="attrition", test="left_by_condition")
     assert test.p < 0.001
     assert "16 of 16 with random predictions" in made.page.read_text("utf-8")
+
+
+def test_nobody_without_a_partner_is_said_to_have_returned_the_study(planted: Export) -> None:
+    """The status is called so, and participants cannot get it by an action of their own."""
+    first = pl.int_range(pl.len()) == 0
+    status = pl.when(first).then(pl.lit("returned")).otherwise(pl.col("status").cast(pl.String))
+    export = replace(planted, participants=planted.participants.with_columns(status=status))
+    every = measures.episode_measures(export)
+    rows = exclusions.flow(export, every, measures.analysed(every, export.participants))
+    (left,) = select(rows, test="left", condition="all")
+    assert (left.n, left.note) == (1, "left without a partner, or was released by the researcher")

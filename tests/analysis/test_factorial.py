@@ -235,6 +235,19 @@ def test_the_power_command_covers_the_factors_of_a_study(
     assert "Factorial: no power of its effects, as the study leaves out one_on." in capsys.readouterr().out
 
 
+def test_the_power_of_an_export_is_not_that_of_combinations_that_its_study_leaves_out(
+    crossed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], no_pictures: None
+) -> None:
+    """As of the study file alone: without a combination, the report computes no effects of the factors."""
+    shutil.copytree(crossed, tmp_path / "data")
+    (path,) = (tmp_path / "data" / "studies").iterdir()
+    path.write_text(path.read_text("utf-8") + "cells: {without: [none_on]}\n", encoding="utf-8")
+    words = ["power", str(tmp_path / "data"), "--effect", "10", "--studies", "20", "--out", str(tmp_path / "power")]
+    assert kitchenmind.main(words) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("Factorial")]
+    assert lines == ["Factorial: no power of its effects, as the study leaves out none_on."]
+
+
 def test_the_power_command_reads_the_factors_of_a_pilot(
     crossed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], no_pictures: None
 ) -> None:

@@ -29,6 +29,7 @@ STUDY = """factors:
   prediction: [none, tom]
 cells: {within: [prediction]}
 primary: {effect: [prediction]}
+smallest_effect: {reward: 5, answers: 0.5}
 """
 
 
@@ -239,6 +240,9 @@ def test_the_report_analyses_differences_within_people(
     assert "(prediction within simulated participants, with the orders of the blocks averaged), there was" in page
     assert "there was a main effect of prediction on the reward; the difference is (tom - none)" in page
     assert "The conditions are the orders of the blocks" in page
+    assert select(made.analysis.rows, section="equivalence") == [], "nobody asks whether two orders are equivalent"
+    assert "equivalence is not tested" in page
+    assert "sets no smallest effect of interest" not in page
     words = ["power", str(blocks), "--effect", "10", "--studies", "20", "--out", str(tmp_path / "power")]
     assert kitchenmind.main(words) == 0
     out = capsys.readouterr().out

@@ -83,6 +83,15 @@ def test_lag_is_what_slow_keys_cost_more_than_the_fastest() -> None:
     assert measures.lag(keys.drop("key_client_ms"), NO_PAUSES)["lag_ms"].item() is None
 
 
+def test_a_key_that_is_held_counts_once_in_the_lag() -> None:
+    """It decides many timesteps, each of which names its message."""
+    first = pl.min_horizontal("timestep", pl.lit(40))  # of forty quick keys and a slow one, which is held for long
+    keys = ticks([N] * 60, [N] * 60).with_columns(
+        key_client_ms=first * 200.0, key_received_ms=first * 200.0 + pl.when(first == 40).then(900).otherwise(30)
+    )
+    assert measures.lag(keys, NO_PAUSES)["lag_ms"].item() == 0
+
+
 @pytest.mark.parametrize("kind", ["time", "text"])
 def test_lag_is_unknown_where_the_game_ran_faster_than_real_time(kind: str) -> None:
     """As bots play: the game's clock runs five times as fast as the browser's."""

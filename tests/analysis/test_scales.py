@@ -50,6 +50,16 @@ def test_a_score_is_the_mean_of_the_items_of_one_page(planted: Export, episodes:
     assert (row["participant"], row["condition"], row["step"], row["subscale"]) == ("p1", "tom", "after-01", "workload")
 
 
+def test_answers_about_a_round_that_was_deleted_with_the_partner_are_not_about_the_study(
+    planted: Export, episodes: pl.DataFrame
+) -> None:
+    """They stay with the person who did not withdraw, and name no episode any more."""
+    values = {f"tlx_{name}": 50.0 for name in TLX}
+    pages = (answers("after-01", "p1", values), answers("after", "p2", values))
+    found = scales.scores(export_with(planted, *pages), episodes, USED)
+    assert found["step"].to_list() == ["after"], "the same questionnaire, once in the study"
+
+
 def test_a_reversed_item_is_turned_round(planted: Export, episodes: pl.DataFrame) -> None:
     one = answers("end", "p1", {"tia_pro1": 5, "tia_pro2": 5, "tia_pro3": 5})
     (row,) = scales.scores(export_with(planted, one), episodes, USED).to_dicts()

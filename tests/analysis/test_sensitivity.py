@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 from scipy import stats
 
-from analysis import data_quality, measures
+from analysis import data_quality, exclusions, measures
 from analysis.declared import Declaration, DeclaredTest
 from analysis.results import Result, select
 from analysis.sensitivity import attrition_rows, compared, sensitivity_rows
@@ -145,6 +145,19 @@ def test_the_sentence_about_attrition_counts_people(with_losses: Export) -> None
     (text,) = sensitivity_sentences(Declaration(), None, rows)
     assert "1 of 16 with no prediction, 0 of 16 with random predictions and 2 of 17 with ToM predictions" in text
     assert "did not differ significantly between the conditions (Fisher" in text
+
+
+def test_the_sentence_about_attrition_says_who_is_still_taking_part(with_losses: Export) -> None:
+    """Table 1 counts them among those assigned, and the shares leave them out."""
+    finished = pl.col("status") == "completed"
+    left = finished.cum_sum() <= 2
+    status = pl.when(finished & left).then(pl.lit("active")).otherwise(pl.col("status").cast(pl.String))
+    export = replace(with_losses, participants=with_losses.participants.with_columns(status=status))
+    every = measures.episode_measures(export)
+    analysed = measures.analysed(every, export.participants)
+    rows = [*exclusions.flow(export, every, analysed), *attrition_rows(export, analysed, seed=1)]
+    (text,) = sensitivity_sentences(Declaration(), None, rows)
+    assert text.startswith("Of those assigned, without the two who are still taking part, these did not finish")
 
 
 def test_at_an_interim_look_all_populations_are_tested_at_the_same_level(with_losses: Export) -> None:

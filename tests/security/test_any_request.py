@@ -14,7 +14,7 @@ WORDS = {"type": "string"}
 FIELDS = (
     "step", "visit", "language", "code", "name", "password", "next", "blind", "text", "note", "reason", "minutes",
     "exclusion", "kind", "box_0", "satisfied", "simulated", "PROLIFIC_PID", "grid", "version", "table", "contains",
-    "column", "sort", "operation", "revision", "template", "number", "condition", "what",
+    "column", "sort", "operation", "revision", "template", "number", "condition", "what", "consent_text",
 )  # fmt: skip
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None, "derandomize": True}
 

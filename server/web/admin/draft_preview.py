@@ -146,7 +146,7 @@ def preview_page(request: Request, draft: StudyDraft, place: PreviewPlace, numbe
     person = place.participant(max(number, 0)) if number >= 0 else None
     studies = PreviewedStudies(place.study)
     shown = {"path": f"{here}/{names[at]}", "draft_preview": preview}
-    return PreviewPage(request, replace(web, studies=studies), place.language, place.study, person, shown)
+    return PreviewPage(request, replace(web, studies=studies), place.language, place.study, person, shown=shown)
 
 
 @router.get("/{condition}/{language}/{position}/{what}")

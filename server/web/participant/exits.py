@@ -84,7 +84,7 @@ async def _by_code(
 
     async def look() -> bool:
         nonlocal found
-        found = await web.database.read(progress.by_code, web.studies, known.study.name, code)
+        found = await web.database.read(progress.by_code, known.study.name, code)
         return found is not None
 
     outcome = await guess_limits.guarded(web, guess_limits.origin_of_address(web, request, guess_limits.CODE), "", look)

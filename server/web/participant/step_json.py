@@ -67,6 +67,8 @@ def _choose(made: StepPage, context: Context) -> None:
 def _consent(made: StepPage, context: Context) -> None:
     consent, language = context["consent"], made.language
     made.title, made.lead = consent.title.of(language), consent.lead.of(language)
+    if context["changed"]:
+        made.lead = f"{context['t']('consent.changed')} {made.lead}"
     made.texts = [StepText(fact.label.of(language), fact.value.of(language)) for fact in consent.facts]
     made.texts += [StepText(one.title.of(language), one.body.of(language)) for one in consent.sections]
     _welcome_back(made, context)
@@ -82,7 +84,7 @@ def _consent(made: StepPage, context: Context) -> None:
 
 
 def _welcome_back(made: StepPage, context: Context) -> None:
-    values = {"visit": context["visit"], "language": made.language, **context["kept"]}
+    values = {name: context[name] for name in ("visit", "consent_text", "language")} | dict(context["kept"])
     made.form = StepForm(
         f"{context['path']}/consent", [StepField(name, "hidden", value) for name, value in values.items()]
     )

@@ -13,7 +13,7 @@ from fastapi.responses import RedirectResponse
 from server.participation import progress
 from server.participation.episode_specs import layout_of
 from server.participation.page_answers import check_page
-from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of, turned_away
+from server.participation.recruiter_links import is_preview, link_parameters, may_start_new, recruitment_of, turned_away
 from server.play.close_codes import CloseCode
 from server.store import new_places, participants, study_openings
 from server.store.new_places import NoPlaceLeft
@@ -39,7 +39,7 @@ from server.web.dependencies import (
 )
 from server.web.forms import Form, first
 from server.web.participant import visit_counts
-from server.web.participant.views import Filled, consent_context, render_step
+from server.web.participant.views import Filled, consent_again, consent_context, render_step
 
 router = APIRouter()
 router.include_router(visit_counts.router)
@@ -122,23 +122,29 @@ async def consent(
     """Make the participant and the cookie. The same page sent twice makes one participant."""
     study = known.study
     person, extra = recruitment_of(study.recruitment, {key: values[0] for key, values in form.items()})
+    request.state.link = link_parameters(study.recruitment, person, extra)  # also for the page of an error
     if person is None and study.recruitment.required:
         raise HTTPException(400, "the link's parameter that names the person is missing")
     made = _in_language(page(request, web, study), first(form, "language"))
+    made = replace(made, link=request.state.link)
     visit = first(form, "visit")
     if not 16 <= len(visit) <= 64:
         raise HTTPException(400, "The form has no valid number. Reload the page.")
     token = token_for(web.csrf.secret, study.name, visit)
     holder = participant.id if participant is not None else None
     simulated = _is_simulated(web, form)
-    arrival = progress.ConsentArrival(study.name, token, made.language, person, extra, simulated, holder)
+    read = first(form, "consent_text")
+    arrival = progress.ConsentArrival(study.name, token, made.language, person, extra, simulated, holder, read)
     before = await web.database.read(progress.already_here, web.studies, arrival)
     open_boxes = [index for index in range(len(study.consent.boxes)) if not first(form, f"box_{index}")]
     if open_boxes and before is None:
-        context = consent_context(study, made.language, person, extra, visit)
-        ticked = [index for index in range(len(study.consent.boxes)) if index not in open_boxes]
-        return made.render("participant/consent.html", 422, **(context | {"ticked": ticked, "open_boxes": open_boxes}))
-    if refused := await _enrol(made, arrival):
+        return consent_again(made, arrival, visit, open_boxes)
+    try:
+        refused = await _enrol(made, arrival)
+    except progress.ConsentChanged:
+        opened = web.studies.open(study.name)
+        return consent_again(replace(made, study=opened[1] if opened else study), arrival, visit, [])
+    if refused is not None:
         return refused
     response = _to(step_address(study.name))
     set_cookie(response, study.name, token, secure=web.csrf.secure)

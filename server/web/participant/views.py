@@ -9,7 +9,7 @@ from fastapi import Response
 from server.participation import pairing, progress
 from server.participation.episode_specs import layout_of, lessons
 from server.participation.page_answers import questions_of
-from server.participation.recruiter_links import ReturnTarget, return_target
+from server.participation.recruiter_links import ReturnTarget, link_parameters, return_target
 from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
@@ -59,23 +59,33 @@ def consent_context(
 ) -> dict[str, Any]:
     """Return the data of the consent page. Its form carries the link's parameters, which are not in the address of
     later pages."""
-    kept = dict(extra)
-    if person is not None and study.recruitment.person_parameter:
-        kept[study.recruitment.person_parameter] = person
     phases = ["consent", "introduction", "practice", "rounds", "finish"]
     present = {"consent", "introduction", "finish"}
     present |= {"practice"} if "tutorial" in study.flow else set()
     present |= {"rounds"} if "episodes" in study.flow else set()
     return {
         "consent": study.consent,
-        "kept": kept,
+        "kept": link_parameters(study.recruitment, person, extra),
         "visit": visit,
+        "consent_text": study.consent.fingerprint,
+        "changed": False,
         "ticked": [],
         "open_boxes": [],
         "phases": [phase for phase in phases if phase in present],
         "phase": "consent",
         "page_language": language,
     }
+
+
+def consent_again(made: PageResponse, arrival: progress.ConsentArrival, visit: str, open_boxes: list[int]) -> Response:
+    """Show the consent page again: because of boxes that are open, or with a new text, for which no box is ticked."""
+    assert made.study is not None  # noqa: S101 - the caller's page is one of a study
+    consent = made.study.consent
+    changed = arrival.text not in ("", consent.fingerprint)
+    ticked = [] if changed else [index for index in range(len(consent.boxes)) if index not in open_boxes]
+    context = consent_context(made.study, made.language, arrival.person, arrival.extra, visit)
+    context |= {"ticked": ticked, "open_boxes": [] if changed else open_boxes, "changed": changed}
+    return made.render("participant/consent.html", 409 if changed else 422, **context)
 
 
 async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exit]:
@@ -93,7 +103,9 @@ async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exi
 
 def debriefing_of(page: PageResponse, participant: Participant) -> Section | None:
     """Return the debriefing of somebody who leaves early and whose condition may have misled them."""
-    study = page.web.studies.of(participant)
+    study = page.web.studies.version(participant.study_id)
+    if study is None:  # it cannot be read any more
+        return None
     misled = study.condition(participant.condition).misleads
     return study.pages[study.debriefing] if misled and study.debriefing else None
 

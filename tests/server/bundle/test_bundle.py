@@ -109,6 +109,8 @@ def test_planned_analysis_names_the_factors_and_the_levels_of_each_condition() -
     assert plan["levels_of_conditions"]["three_off"] == {"steps": "three", "opacity": "off"}
     assert "factorial" in plan["tests"][-1]
     assert making.texts.planned_analysis(load_study(PUBLISHED).study)["factors"] is None
+    within = study.model_copy(update={"cells": study.cells.model_copy(update={"within": ("steps",)})})
+    assert not any("equivalence" in text for text in making.texts.planned_analysis(within)["tests"])
 
 
 def test_the_allocation_list_is_what_participants_get(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from server.export import codebook, quality_inputs
 from server.store import decisions, participants
 from server.store.database import Database
 from server.store.migrate import migrate
+from server.store.tables import answers as answer_table
 from server.store.tables import episodes as episode_table
 from server.store.tables import participants as participant_table
 from server.store.tables import ticks as tick_table
@@ -144,6 +145,9 @@ def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert kitchenmind.main(["export", "--database", database.url, "--out", "data"]) == 0
+    path = tmp_path / "data" / "parquet" / "episodes.parquet"
+    first = pl.when(pl.int_range(pl.len()) == 0).then(pl.lit("tutorial")).otherwise("kind")
+    pl.read_parquet(path).with_columns(kind=first).write_parquet(path)
     guide = Path(__file__).parents[3] / "docs/guides/read_the_data.md"
     code = guide.read_text(encoding="utf-8").split("```python accuracy.py\n")[1].split("```")[0]
     names: dict[str, pl.DataFrame] = {}
@@ -158,9 +162,25 @@ def test_the_dashboard_and_the_report_propose_the_same_for_each_episode(folder: 
     wanted = {row["episode"]: (row["proposal"], row["rules"] or "") for row in report.to_dicts()}
     found = {}
     for episode in wanted:  # one at a time, as the dashboard checks them
-        found |= episode_proposals(database.read_now(quality_inputs.tables, [episode]))
+        found |= episode_proposals(database.read_now(quality_inputs.tables, [episode]), [episode])
     assert found == wanted
     assert len(wanted) == 2 * PEOPLE
+
+
+def test_the_dashboard_counts_the_same_answers_over_all_episodes_of_a_person(tmp_path: Path) -> None:
+    """It checks a few episodes at a time, and the rule is about three or more."""
+    address = f"sqlite:///{tmp_path}/study.db"
+    migrate(address)
+    with Database(address) as opened:
+        opened.write_now(fill, 1, per_person=3)
+        alike = answer_table.update().where(answer_table.c.question_key == "predictor").values(value=7)
+        opened.write_now(lambda connection: connection.execute(alike))
+        (episode, *_), *_ = opened.read_now(quality_inputs.over, (1,))
+        tables = opened.read_now(quality_inputs.tables, [episode])
+        proposals = episode_proposals(tables, [episode])
+    assert list(proposals) == [episode]
+    assert "same answers" in proposals[episode][1]
+    assert tables["ticks"]["episode"].unique().to_list() == [episode], "only what is asked for"
 
 
 def test_the_dashboard_knows_at_which_states_pauses_were_for_the_lag_of_keys(folder: Path, database: Database) -> None:

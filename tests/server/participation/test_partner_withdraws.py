@@ -166,13 +166,13 @@ async def test_who_waits_is_found_to_have_lost_a_partner_who_leaves_the_study(ma
     pair.open_page()
     game = await pair.seating.find(pair.tokens[0], "pairs")
     assert game.request.partner == pair.leaves
-    assert not await pair.seating.has_lost_partner(pair.stays)
+    assert await pair.seating.outlook(pair.stays) == "open"
     if how == "withdrawn":
         pair.database.write_now(withdraw, pair.leaves)
     else:
         pair.database.write_now(participants.leave, pair.leaves, how)
-    assert await pair.seating.has_lost_partner(pair.stays)
-    assert not await pair.seating.has_lost_partner(pair.leaves), "who has left waits for nobody"
+    assert await pair.seating.outlook(pair.stays) == "gone"
+    assert await pair.seating.outlook(pair.leaves) == "gone", "who has left waits for nobody"
 
 
 async def test_a_game_that_ended_by_a_withdrawal_leaves_nobody_to_wait_for(make: MakePair) -> None:

@@ -67,6 +67,16 @@ async def test_nobody_is_sent_to_somebody_who_may_have_gone(arrivals: Arrivals) 
     assert first.condition == second.condition != gone.condition
 
 
+async def test_somebody_who_still_waits_gets_the_next_as_partner(arrivals: Arrivals) -> None:
+    seating = Seating(arrivals.database, arrivals.studies, lambda layout, model: None, "test")
+    waits = arrivals.come()
+    long_ago = datetime.now(UTC) - timedelta(minutes=11)
+    query = tables.participants.update().values(last_seen_at=long_ago)
+    arrivals.database.write_now(lambda connection: connection.execute(query))
+    assert await seating.outlook(waits.id) == "open"  # the waiting room asks every few seconds
+    assert arrivals.come().condition == waits.condition
+
+
 async def test_whoever_has_met_a_partner_or_plays_alone_waits_for_nobody(arrivals: Arrivals) -> None:
     seating = Seating(arrivals.database, arrivals.studies, lambda layout, model: None, "test")
     first, second, third = arrivals.come(), arrivals.come(), arrivals.come()

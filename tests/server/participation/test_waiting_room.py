@@ -2,12 +2,13 @@
 
 import asyncio
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
 
-from server.participation.waiting_room import PairingRequest, WaitingRoom
+from server.participation import waiting_room
+from server.participation.waiting_room import Outlook, PairingRequest, WaitingRoom
 from server.play.clock import Clock
 from server.play.close_codes import CloseCode
 from server.store.database import DatabaseDown
@@ -38,6 +39,7 @@ class Seats:
         self.pairs: list[tuple[str, str]] = []
         self.alone: list[str] = []
         self.without_partner: set[str] = set()  # whose partner has left
+        self.paused = False  # the study
         self.before: list[Callable[[], None]] = []
 
     async def two(self, first: str, second: str) -> bool:
@@ -49,9 +51,11 @@ class Seats:
         await self._meanwhile()
         self.alone.append(participant)
 
-    async def has_lost_partner(self, participant: str) -> bool:
+    async def outlook(self, participant: str) -> Outlook:
         await self._meanwhile()
-        return participant in self.without_partner
+        if participant in self.without_partner:
+            return "gone"
+        return "stopped" if self.paused else "open"
 
     async def _meanwhile(self) -> None:
         await asyncio.sleep(0)
@@ -66,7 +70,7 @@ def seats() -> Seats:
 
 @pytest.fixture
 def room(seats: Seats) -> WaitingRoom:
-    return WaitingRoom(Clock(), seats.two, seats.one, seats.has_lost_partner)
+    return WaitingRoom(Clock(), seats.two, seats.one, seats.outlook)
 
 
 def request(limit_s: float = 600.0) -> PairingRequest:
@@ -186,3 +190,59 @@ async def test_a_participant_who_leaves_while_the_partner_is_looked_for_is_not_s
     await until(lambda: len(room) == 0)
     await asyncio.sleep(0)
     assert seats.alone == []
+
+
+async def test_time_in_which_the_study_is_paused_does_not_count_as_waiting(
+    room: WaitingRoom, seats: Seats, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(waiting_room, "ASK_EVERY_S", 0.05)
+    seats.paused = True
+    (ann,) = come(room, "ann", limit_s=0.4)
+    await asyncio.sleep(1.0)
+    assert seats.alone == []
+    seats.paused = False
+    await until(lambda: ann.closed is not None)
+    assert seats.alone == ["ann"]
+
+
+async def test_two_who_can_play_are_seated_also_while_the_study_is_paused(room: WaitingRoom, seats: Seats) -> None:
+    seats.paused = True
+    tabs = come(room, "ann", "bob")
+    await until(lambda: all(tab.closed for tab in tabs))
+    assert seats.pairs == [("ann", "bob")]
+
+
+async def test_a_pause_of_which_the_room_has_not_heard_yet_sends_nobody_on_alone(
+    room: WaitingRoom, seats: Seats
+) -> None:
+    (ann,) = come(room, "ann", limit_s=0.3)
+    await until(lambda: bool(ann.told))
+    seats.paused = True
+    await asyncio.sleep(0.8)
+    assert seats.alone == []
+
+
+@pytest.mark.parametrize("days", [-1, 1])
+async def test_a_wall_clock_that_is_set_does_not_change_how_long_somebody_waits(seats: Seats, days: int) -> None:
+    class SetClock(Clock):
+        moved = timedelta()
+
+        def wall(self) -> datetime:
+            return super().wall() + self.moved
+
+    clock = SetClock()
+    room = WaitingRoom(clock, seats.two, seats.one, seats.outlook)
+    (ann,) = come(room, "ann", limit_s=0.5)
+    await until(lambda: bool(ann.told))
+    clock.moved = timedelta(days=days)
+    await asyncio.sleep(0.2)
+    assert seats.alone == []
+    await until(lambda: ann.closed is not None)
+    assert seats.alone == ["ann"]
+
+
+async def test_the_wait_of_an_earlier_page_counts(room: WaitingRoom, seats: Seats) -> None:
+    tab = WaitingTab()
+    room.enter("ann", PairingRequest(ROOM, datetime.now(UTC), 600.0, waited_s=599.8), tab)
+    await until(lambda: tab.closed is not None)
+    assert seats.alone == ["ann"]

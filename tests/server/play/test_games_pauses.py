@@ -131,3 +131,35 @@ async def test_a_game_that_continues_tells_how_long_the_next_absence_may_last(ru
     first, second = connection.of(m.Countdown)
     assert first.away_s == round(10.0 / SPEED, 1)
     assert 0 < second.away_s <= round(7.0 / SPEED, 1)
+
+
+@pytest.mark.parametrize("holder", [RESEARCHER, DATABASE])
+async def test_the_wait_for_a_participant_who_leaves_after_pressing_start_is_limited(
+    running: RunningGames, holder: str
+) -> None:
+    running.specs["e1"] = make_spec(agents=(None, None), pause=PauseLimits(each_s=6.0, episode_s=6.0))
+    game = await running.games.join("e1", 0, ann := QuietConnection("tab-0001"))
+    await running.games.join("e1", 1, bob := QuietConnection("tab-0002"))
+    game.pause(holder, holder)
+    game.receive(0, ann, m.Ready())
+    game.receive(1, bob, m.Ready())
+    game.leave(0, ann)
+    game.release(holder)
+    game.tell_paused()
+    assert bob.of(m.Paused)[-1].reason == "partner"
+    assert bob.of(m.Paused)[-1].left_s > 0, "nobody tells for how long"
+    await until(lambda: bob.closed)
+    assert running.recorder.results["e1"].reason == "away"
+
+
+async def test_the_wait_for_a_participant_who_leaves_in_the_first_countdown_is_limited(running: RunningGames) -> None:
+    running.specs["e1"] = make_spec(agents=(None, None), pause=PauseLimits(each_s=6.0, episode_s=6.0))
+    running.recorder.down = True
+    game = await running.games.join("e1", 0, ann := QuietConnection("tab-0001"))
+    await running.games.join("e1", 1, bob := QuietConnection("tab-0002"))
+    game.receive(0, ann, m.Ready())
+    game.receive(1, bob, m.Ready())
+    game.leave(0, ann)  # before the start state is stored
+    running.recorder.down = False
+    await until(lambda: bob.closed)
+    assert running.recorder.results["e1"].reason == "away"

@@ -15,8 +15,8 @@ from tests.support.live_fakes import RuleModels, make_spec, new_record
 ALL = tuple(LESSONS)
 
 
-def tutorial(shown: str = "predictor") -> Session:
-    session = Session(new_record(make_spec(kind="tutorial", horizon=0, lessons=ALL, number=0, shown=shown)), 0.0)
+def tutorial(shown: str = "predictor", lessons: tuple[str, ...] = ALL) -> Session:
+    session = Session(new_record(make_spec(kind="tutorial", horizon=0, lessons=lessons, number=0, shown=shown)), 0.0)
     session.release(0, 0.0)
     session.count_down(0.0, 0.0)
     session.finish_tick([None], 1.0) if session.begin_start() else None
@@ -80,6 +80,28 @@ def test_standing_still_teaches_nothing() -> None:
     assert lesson is not None
     assert (lesson.key, lesson.index, lesson.steps, lesson.done) == ("walk", 0, len(ALL), False)
     assert not session.over
+
+
+@pytest.mark.parametrize("lessons", [("walk",), ("walk", "fetch")])
+def test_a_tutorial_without_a_delivery_among_its_lessons_is_passed_with_the_last_one(lessons: tuple[str, ...]) -> None:
+    session = tutorial(lessons=lessons)
+    assert cook(session) == list(lessons)
+    assert session.simulation.soups == 0
+    assert session.result().passed, "the participant would repeat it for ever"
+
+
+@pytest.mark.parametrize("lessons", [(), ("marks",)])
+def test_a_tutorial_in_which_nothing_is_taught_ends_with_a_delivery(lessons: tuple[str, ...]) -> None:
+    session, models = tutorial("nothing", lessons), RuleModels()
+    for seq in range(400):
+        if session.over:
+            break
+        action = int(np.argmax(PlannerPolicy().probabilities(seen_by_cook(session))[0]))
+        session.key(0, Input(seq, None, action, 0.0), session.next_deadline)
+        session.finish_tick([models.decide(question) for question in session.begin_tick(session.next_deadline)], 1.0)
+        session.stored = True
+    assert (session.over, session.simulation.soups) == (True, 1)
+    assert session.result().passed
 
 
 def test_unfinished_tutorial_is_not_passed() -> None:

@@ -36,6 +36,8 @@ WRONG = [
     ("title: {en: Small, zh: 小}", "title: {en: Small}", "title:", "no words in 'zh'. Add `zh: ...`"),
     ("{name: with, predictor", "{name: without, predictor", "  - {name: without, predictor: tom", "is there twice"),
     ("{name: with, predictor", "{name: all, predictor", "  - {name: all", "call all conditions together 'all'. Choose"),
+    ("{name: stay,", "{name: all,", "  - {name: all", "reports call all agents together 'all'. Choose"),
+    ("{name: matrix,", "{name: all, grid: OWN,", "  - {name: all", "call all layouts together 'all'. Choose"),
     ("name: with, predictor: tom}", "name: with, predictor: degraded}", "  - {name: with, ", "belong together"),
     ("conditions: with_predictor", "conditions: [everybody]", "{key: marks", "there is no condition 'everybody'"),
     ("correct: three", "correct: four", "    - key: onions", "'four' is none of the options. Use one of two, three"),

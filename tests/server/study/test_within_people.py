@@ -127,3 +127,11 @@ def test_a_primary_effect_within_people_is_accepted() -> None:
     primary = study(FACTORS + "primary: {effect: [prediction, opacity]}\n").primary
     assert primary is not None
     assert primary.effect == ("prediction", "opacity")
+
+
+def test_a_smallest_effect_that_the_report_cannot_test_is_a_warning() -> None:
+    """The conditions are orders of the blocks, and nobody asks whether two orders are equivalent."""
+    text = SMALL_STUDY[:START] + FACTORS + "smallest_effect: {reward: 5}\n" + SMALL_STUDY[END:]
+    found = [one for one in parse_study(text, "small.yaml").warnings if "smallest_effect" in one]
+    assert len(found) == 1
+    assert "the report tests no equivalence" in found[0]
