@@ -49,7 +49,15 @@ def keep_strong(layout: Layout) -> None:
             continue
         (here / agent).rename(here / strong(agent))
         for folder in sorted(here.glob(f"{agent}_predictor_*")):
-            folder.rename(here / folder.name.replace(agent, strong(agent), 1))
+            kept = folder.rename(here / folder.name.replace(agent, strong(agent), 1))
+            say_whose(kept, agent, strong(agent))
+
+
+def say_whose(predictor: Path, agent: str, name: str) -> None:
+    """Give the predicted agent another name in a predictor's config and card; the weights stay as they are."""
+    found = load_checkpoint(predictor)
+    card = found.card.replace(f"# Predictor of {agent} on ", f"# Predictor of {name} on ", 1)
+    save_checkpoint(predictor, {**found.config, "agent": name}, found.tensors, card, found.bits)
 
 
 def _finished(kept: Path, layout: Layout, preset: Preset) -> Mapping[str, Path]:

@@ -119,7 +119,8 @@ def _of_any_form(found: Cells, layout: str, agent: str) -> Entry | None:
 
 
 def points(agents: Sequence[Entry]) -> Row:
-    """Return the lines of the table of points: every agent with itself and with held-out partners, where measured."""
+    """Return the lines of the table of points: every agent with itself and with held-out partners, where measured; and a
+    sentence that names where FCP does not earn more than SP."""
     found = _points_by_cell(agents)
     words = {"self_play": "with itself", "held_out": "held-out partners"}
     rows = [
@@ -128,7 +129,21 @@ def points(agents: Sequence[Entry]) -> Row:
         for key in words
         if any((agent, layout, key) in found for layout in LAYOUTS)
     ]
-    return table(head(), rows)
+    missed = not_above_sp(agents)
+    sentence = f"FCP does not earn more with held-out partners than SP: {', '.join(missed)}."
+    return [*table(head(), rows), *(["", sentence] if missed else [])]
+
+
+def not_above_sp(agents: Sequence[Entry]) -> list[str]:
+    """Return the cells in which FCP earns no more with held-out partners than SP of the same set, as in the paper's
+    claim about FCP."""
+    means = {(one["agent"], one["layout"]): one["held_out"]["mean"] for one in agents if "held_out" in one}
+    return [
+        f"{label(fcp)} in {name}"
+        for sp, fcp in SETS.values()
+        for name, layout in zip(head()[1:], LAYOUTS, strict=True)
+        if {(sp, layout), (fcp, layout)} <= set(means) and means[fcp, layout] <= means[sp, layout]
+    ]
 
 
 def _points_by_cell(agents: Sequence[Entry]) -> dict[tuple[str, str, str], str]:

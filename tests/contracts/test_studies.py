@@ -153,9 +153,9 @@ def test_check_refuses_agents_and_predictors_that_cannot_play(
     (tmp_path / "unfinished.py").write_text("class Other:\n    x = (\n", encoding="utf-8")
     (tmp_path / "own.py").write_text("class Other:\n    pass\n", encoding="utf-8")
     text = (STUDIES / "quick_look.yaml").read_text("utf-8")
-    file.write_text(text.replace("- {name: sp}", f"- {agent}"), encoding="utf-8")
+    file.write_text(text.replace("- {name: sp_strong}", f"- {agent}"), encoding="utf-8")
     code, _, err = run("check", str(file), capsys=capsys)
-    line = text[: text.index("- {name: sp}")].count("\n") + 1
+    line = text[: text.index("- {name: sp_strong}")].count("\n") + 1
     assert code == 2
     assert any(f"{file}:{line}: {place}: " in said and reason in said for said in err.splitlines())
 
@@ -172,7 +172,7 @@ def test_models_are_found_from_the_folder_of_the_study_whatever_the_current_one(
     monkeypatch.chdir(tmp_path / "elsewhere")
     for predictor in ("./p", "p", "'lab_predictor:LastAction'"):
         agent = f"- {{name: mine, model: agents/mine, predictor: {predictor}}}"
-        (folder / "lab.yaml").write_text(text.replace("- {name: sp}", agent), encoding="utf-8")
+        (folder / "lab.yaml").write_text(text.replace("- {name: sp_strong}", agent), encoding="utf-8")
         code, out, err = run("check", str(folder / "lab.yaml"), capsys=capsys)
         assert (code, err) == (0, ""), predictor
         assert "warning" not in out
@@ -209,7 +209,7 @@ def test_check_asks_whether_predictions_about_nothing_are_intended(
 ) -> None:
     file = tmp_path / "quick_look.yaml"
     text = (STUDIES / "quick_look.yaml").read_text("utf-8")
-    file.write_text(text.replace("- {name: sp}", f"- {agent}"), encoding="utf-8")
+    file.write_text(text.replace("- {name: sp_strong}", f"- {agent}"), encoding="utf-8")
     code, out, _ = run("check", str(file), capsys=capsys)
     assert code == 0
     assert re.search(rf"^warning: .*{re.escape(question)}", out, re.MULTILINE)
@@ -229,7 +229,7 @@ def test_check_asks_whether_predictions_about_nothing_are_intended(
         (
             "{name: coordination_ring, title: {en: Coordination Ring, zh: 协作环}}",
             '{name: coordination_ring, title: Own, grid: "XXPXX\\nO1 2O\\nXDXSX"}',
-            "'sp' was trained on another grid",
+            "'sp_strong' was trained on another grid",
         ),
     ],
 )
@@ -323,5 +323,5 @@ def test_a_study_that_names_no_form_of_predictor_gets_one_that_is_bundled() -> N
     without = re.sub(r"(?m)^predictor: .*\n", "", text)
     assert without != text
     required = required_models([parse_study(without)])
-    assert ("coordination_ring", "sp_predictor_stream") in required.predictors
+    assert ("coordination_ring", "sp_strong_predictor_stream") in required.predictors
     assert required.missing == ()

@@ -35,7 +35,7 @@ def wrong(text: str) -> list[PlacedProblem]:
 
 def test_an_agent_that_was_never_trained_and_its_predictor_are_one_problem() -> None:
     (problem,) = wrong(QUICK)
-    assert "the kitchen nook has no trained agent called 'sp'" in problem.text
+    assert "the kitchen nook has no trained agent called 'sp_strong'" in problem.text
     assert "It has no predictor either: condition `tom` shows its predictions." in problem.text
     silent = QUICK.replace("{name: tom, predictor: tom}", "{name: none, predictor: none}")
     (problem,) = wrong(silent.replace("conditions: with_predictor", "conditions: all"))
@@ -43,10 +43,10 @@ def test_an_agent_that_was_never_trained_and_its_predictor_are_one_problem() -> 
 
 
 def test_a_predictor_that_the_study_names_is_a_problem_of_its_own() -> None:
-    named = QUICK.replace("{name: sp}", "{name: sp, predictor: mine}")
+    named = QUICK.replace("{name: sp_strong}", "{name: sp_strong, predictor: mine}")
     of_predictor, of_agent = (problem.text for problem in wrong(named))
     assert "predictor called 'mine'" in of_predictor
-    assert "agent called 'sp'" in of_agent
+    assert "agent called 'sp_strong'" in of_agent
     assert "no predictor either" not in of_agent
 
 
@@ -54,7 +54,7 @@ def test_a_predictor_that_the_study_names_is_a_problem_of_its_own() -> None:
     ("text", "labels"),
     [
         (QUICK, ["Use the planner with random predictions"]),
-        (QUICK.replace("{name: sp}", "{name: planner}"), ["Use random predictions"]),
+        (QUICK.replace("{name: sp_strong}", "{name: planner}"), ["Use random predictions"]),
         (in_own_kitchen("two_people"), ["Use random predictions"]),
         (
             PAPER,
@@ -82,8 +82,8 @@ def test_scripted_models_make_a_study_in_a_new_kitchen_playable(text: str, label
     [
         DEGRADED,
         ICONS,
-        QUICK.replace("{name: sp}", "{name: sp, model: ./sp, predictor: random}"),
-        (STUDIES / "quick_look.yaml").read_text(encoding="utf-8").replace("{name: sp}", "{name: nobody}"),
+        QUICK.replace("{name: sp_strong}", "{name: sp, model: ./sp, predictor: random}"),
+        (STUDIES / "quick_look.yaml").read_text(encoding="utf-8").replace("{name: sp_strong}", "{name: nobody}"),
     ],
     ids=["degraded", "intentions", "path", "a kitchen with trained models"],
 )

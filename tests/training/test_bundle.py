@@ -30,6 +30,7 @@ HERE = WEIGHTS / RING.name
 SMALL = PredictorConfig(hidden=32, layers=1, heads=2, feed_forward=64, state_width=32, action_width=8)
 OURS = {kind: our_agent(kind, RING.name) for kind in ("sp", "fcp")}
 BEFORE = ("sp", "fcp", "sp_predictor_stream")
+FILE_OF = {"sp": "sha256", "fcp": "sha256", "sp_predictor_stream": "weights.safetensors"}  # what stays the same
 MEMBERS = ("population_sp_1", "population_sp_2", "population_fcp_21", "population_fcp_22")
 TARGETS = ("target_sp_11", "target_sp_12", "target_fcp_31", "target_fcp_32")
 PRESET = "population = 2\ntargets = 2\nextras = false\npublish = false\n"
@@ -95,7 +96,7 @@ def bundled(kept, tmp_path_factory):
     """The weights after a bundling, the sums of the files before, and what was said."""
     with pytest.MonkeyPatch.context() as monkeypatch, contextlib.redirect_stdout(io.StringIO()) as said:
         ring = _weights(tmp_path_factory.mktemp("bundled"), monkeypatch)
-        before = {name: (ring / name / "sha256").read_bytes() for name in BEFORE}
+        before = {name: (ring / name / FILE_OF[name]).read_bytes() for name in BEFORE}
         assert agent_set("sp", RING.name) == {"agent_set": "strong"}
         assert _bundle(kept) == 0
         yield ring, before, said.getvalue()
@@ -111,7 +112,10 @@ def test_the_published_agents_take_the_names_and_the_others_stay_as_strong_ones(
     assert (ring / "sp" / "sha256").read_bytes() == (kept / RING.name / "choose_sp/agent/sha256").read_bytes()
     assert (ring / "sp_strong" / "sha256").read_bytes() == before["sp"]
     assert (ring / "fcp_strong" / "sha256").read_bytes() == before["fcp"]
-    assert (ring / "sp_strong_predictor_stream" / "sha256").read_bytes() == before["sp_predictor_stream"]
+    predictor = load_checkpoint(ring / "sp_strong_predictor_stream")
+    assert (predictor.folder / "weights.safetensors").read_bytes() == before["sp_predictor_stream"]
+    assert (predictor.config["agent"], predictor.config["agent_sha256"]) == ("sp_strong", agent_sha256("sp_strong", RING))
+    assert predictor.card.startswith("# Predictor of sp_strong on ")
     sets = [agent_set(name, RING.name) for name in ("sp", "sp_strong", "planner")]
     assert sets == [{"agent_set": "published"}, {"agent_set": "strong"}, {}]
     assert said.count("right in 16 bits") == 4

@@ -57,7 +57,7 @@ def test_intentions_of_a_bundled_predictor_are_as_accurate_in_play_as_its_card_s
     assert right[labels.steps == 5].mean() == pytest.approx(share, abs=0.06)
 
 
-@pytest.mark.parametrize("name", [name for name in predictor_names(RING) if name.startswith("sp_")])
+@pytest.mark.parametrize("name", [name for name in predictor_names(RING) if name.startswith("sp_predictor_")])
 def test_a_bundled_predictor_is_as_accurate_in_play_as_on_its_card(name, games):
     card = json.loads((WEIGHTS / RING.name / name / "config.json").read_text())["accuracy"]["mean"]
     assert share_of_right_steps(name, games) == pytest.approx(card, abs=0.06)
