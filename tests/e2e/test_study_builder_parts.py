@@ -224,7 +224,7 @@ def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: Ne
     draft = begin(page, "tried")
     before = rows(server, STORED, draft)
     text = stored(server, draft)
-    yaml_of(page).fill(text.replace("- {name: sp}", "- {name: planner, predictor: random}") + "\ngame: {horizon: 15}\n")
+    yaml_of(page).fill(text.replace("- {name: sp_strong}", "- {name: planner, predictor: random}") + "\ngame: {horizon: 15}\n")
     expect(page.locator("#problem-count")).to_have_text("0 to correct, 1 warning")
     expect(page.locator("#save-state")).to_have_text("Saved")
     page.goto(f"{server.url}/admin/drafts/{draft}/preview")

@@ -9,7 +9,7 @@ from models.agents.catalogue import agent_set
 from training.pipeline.agent_tasks import STUDY_LAYOUTS
 
 LAYOUT = STUDY_LAYOUTS[0]
-CELLS = sorted((LAYOUT, agent) for agent in ("sp", "fcp"))
+CELLS = sorted((LAYOUT, agent) for agent in ("sp", "fcp", "sp_strong", "fcp_strong"))
 MEAN = {"mean": float, "se": float}
 AGENT = {"layout": str, "agent": str, "self_play": MEAN, "held_out": MEAN, "episodes": int, "agent_set": str}
 WITH_PARTNER = {
@@ -97,7 +97,8 @@ BEFORE = {
 
 def test_intentions_are_compared_with_two_baselines(capsys):
     words = ["predictor", "--layout", LAYOUT, "--agent", "sp", "--trajectories", "1", "--timesteps", "100"]
-    (entry,) = printed(capsys, *words, "--intentions")
+    entry, other = sorted(printed(capsys, *words, "--intentions"), key=lambda one: str(one["form"]))
+    assert (entry["form"], other["form"]) == ("stream", "window")
     assert kinds({key: value for key, value in entry.items() if key != "intentions"}) == PREDICTOR
     measured = entry["intentions"]
     assert set(measured["before"]) == {"5", "10", "20"}
