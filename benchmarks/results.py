@@ -108,7 +108,7 @@ def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -
 def _accuracy(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the accuracy of the predictors of both sets of agents."""
     return [
-        "Accuracy of the predictors of the published agents (%, mean of the three steps; `window` is the paper's form):",
+        "Accuracy of the predictors of the published agents (%, mean of three steps; `window` is the paper's form):",
         "",
         *results_tables.accuracy(entries, SETS["published"], FORMS),
         "",

@@ -119,8 +119,8 @@ def _of_any_form(found: Cells, layout: str, agent: str) -> Entry | None:
 
 
 def points(agents: Sequence[Entry]) -> Row:
-    """Return the lines of the table of points: every agent with itself and with held-out partners, where measured; and a
-    sentence that names where FCP does not earn more than SP."""
+    """Return the lines of the table of points: every agent with itself and with held-out partners, where measured;
+    and a sentence that names where FCP does not earn more than SP."""
     found = _points_by_cell(agents)
     words = {"self_play": "with itself", "held_out": "held-out partners"}
     rows = [

@@ -114,7 +114,8 @@ def test_the_published_agents_take_the_names_and_the_others_stay_as_strong_ones(
     assert (ring / "fcp_strong" / "sha256").read_bytes() == before["fcp"]
     predictor = load_checkpoint(ring / "sp_strong_predictor_stream")
     assert (predictor.folder / "weights.safetensors").read_bytes() == before["sp_predictor_stream"]
-    assert (predictor.config["agent"], predictor.config["agent_sha256"]) == ("sp_strong", agent_sha256("sp_strong", RING))
+    assert predictor.config["agent"] == "sp_strong"
+    assert predictor.config["agent_sha256"] == agent_sha256("sp_strong", RING)
     assert predictor.card.startswith("# Predictor of sp_strong on ")
     sets = [agent_set(name, RING.name) for name in ("sp", "sp_strong", "planner")]
     assert sets == [{"agent_set": "published"}, {"agent_set": "strong"}, {}]

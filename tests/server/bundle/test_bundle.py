@@ -166,7 +166,8 @@ def test_a_file_that_came_later_is_other_code_too() -> None:
 
 def test_a_model_that_is_not_here_makes_no_bundle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "study.yaml"
-    path.write_text(QUICK.read_text(encoding="utf-8").replace("- {name: sp_strong}", "- {name: nobody}"), encoding="utf-8")
+    text = QUICK.read_text(encoding="utf-8")
+    path.write_text(text.replace("- {name: sp_strong}", "- {name: nobody}"), encoding="utf-8")
     assert kitchenmind.main(["bundle", str(path), "--out", str(tmp_path / "x.zip")]) == 2
     assert "has no trained agent called" in capsys.readouterr().err
     assert not (tmp_path / "x.zip").exists()
@@ -192,7 +193,8 @@ def test_an_agent_without_a_predictor_gets_a_list_of_possible_ones(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "study.yaml"
-    path.write_text(QUICK.read_text(encoding="utf-8").replace("- {name: sp_strong}", "- {name: planner}"), encoding="utf-8")
+    text = QUICK.read_text(encoding="utf-8")
+    path.write_text(text.replace("- {name: sp_strong}", "- {name: planner}"), encoding="utf-8")
     assert kitchenmind.main(["study", "check", str(path)]) == 2
     said = capsys.readouterr().err
     assert "has no trained predictor called" in said

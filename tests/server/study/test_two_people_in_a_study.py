@@ -36,6 +36,7 @@ def test_models_are_those_that_watch_people_and_the_fallback_agent() -> None:
 
 
 def test_without_marks_no_predictor_for_people_is_needed() -> None:
-    text = STUDY.replace(", predictor: fcp_strong_predictor_stream", "").replace("  - {name: tom, predictor: tom}\n", "")
+    text = STUDY.replace(", predictor: fcp_strong_predictor_stream", "")
+    text = text.replace("  - {name: tom, predictor: tom}\n", "")
     study = parse_study(text, "pairs.yaml").study
     assert study.agent("person").predictor is None
