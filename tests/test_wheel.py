@@ -70,6 +70,7 @@ def test_the_wheel_has_every_page_script_sprite_migration_study_and_layout(wheel
     assert [path for path in missing if "__pycache__" not in path.parts] == []
 
 
+@pytest.mark.slow
 def test_the_wheel_has_the_weights_that_the_bundled_studies_ask(installed: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [installed, "doctor", "--port", "0"], cwd=tmp_path, capture_output=True, text=True, check=False

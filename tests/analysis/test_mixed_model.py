@@ -75,6 +75,7 @@ def test_the_difference_and_its_error_are_those_of_exact_reml(seed: int) -> None
     assert row.se == pytest.approx(math.sqrt(covariance[1, 1]), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_the_interaction_is_that_of_exact_maximum_likelihood() -> None:
     episodes = study(0)
     row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="condition_by_layout")[0]
@@ -108,6 +109,7 @@ def test_every_fit_of_fifty_is_exact_where_there_are_closed_formulas() -> None:
         assert row.se == pytest.approx(anova_se(episodes), rel=3e-5), seed
 
 
+@pytest.mark.slow
 def test_the_brute_force_and_the_closed_formula_agree() -> None:
     episodes = study(1)
     covariance = dense(episodes, columns_of(episodes), restricted=True)[2]

@@ -132,6 +132,7 @@ def test_nothing_that_blocks_or_orders_add_is_an_effect_of_the_levels(left_out: 
         assert [row.estimate for row in after] == pytest.approx([row.estimate for row in before], nan_ok=True)
 
 
+@pytest.mark.slow
 def test_tests_next_to_effects_of_the_blocks_are_as_often_significant_as_alpha_says() -> None:
     square = [tuple(LEVELS[place] for place in row) for row in balanced_square(3)][1:]
     generator = np.random.default_rng(4)

@@ -118,6 +118,7 @@ def test_the_same_data_give_the_same_numbers_and_fingerprint(
 
 
 @pytest.mark.usefixtures("no_pictures")
+@pytest.mark.slow
 def test_csv_files_have_the_same_values_as_parquet(report: Report, planted_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()

@@ -272,6 +272,7 @@ def drawn(path: Path) -> dict[tuple[str, str, str], tuple[str, str, str]]:
 
 
 @pytest.mark.usefixtures("no_pictures")
+@pytest.mark.slow
 def test_the_seed_seeds_everything_that_is_drawn(planted_folder: Path, tmp_path: Path) -> None:
     first, again, other = (
         drawn(write_report(planted_folder, tmp_path / name, Options(draws=200, power_studies=50, seed=seed)).results)

@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.report import write_report
+from analysis.report import Report, write_report
 from analysis.simulated import LABEL, without_pooling
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
@@ -48,19 +48,23 @@ def test_a_report_on_people_gives_the_number_of_omitted_simulated_participants(
     assert set(report.analysis.episodes["participant"]) <= set(people)
 
 
-def test_every_figure_of_a_rehearsal_is_labelled_as_simulated(tmp_path: Path) -> None:
-    write_export(Truth(participants=5, timesteps=20), tmp_path / "export")
-    report = write_report(tmp_path / "export", tmp_path / "report", QUICK)
-    figures = list((tmp_path / "report" / "figures").glob("*.svg"))
+@pytest.fixture(scope="module")
+def rehearsal(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """The report of simulated participants alone."""
+    folder = tmp_path_factory.mktemp("rehearsal")
+    write_export(Truth(participants=6, timesteps=20), folder / "export")
+    return write_report(folder / "export", folder / "report", QUICK)
+
+
+def test_every_figure_of_a_rehearsal_is_labelled_as_simulated(rehearsal: Report) -> None:
+    figures = list((rehearsal.page.parent / "figures").glob("*.svg"))
     assert len(figures) >= 4
     assert [path.name for path in figures if LABEL not in path.read_text(encoding="utf-8")] == []
-    assert "built so that foresight can help" in report.page.read_text(encoding="utf-8")
+    assert "built so that foresight can help" in rehearsal.page.read_text(encoding="utf-8")
 
 
-def test_no_sentence_of_a_rehearsal_speaks_of_people(tmp_path: Path) -> None:
-    write_export(Truth(participants=6, timesteps=20), tmp_path / "export")
-    report = write_report(tmp_path / "export", tmp_path / "report", QUICK)
-    page = re.sub(r"<(style|svg).*?</\1>", "", report.page.read_text(encoding="utf-8"), flags=re.DOTALL)
+def test_no_sentence_of_a_rehearsal_speaks_of_people(rehearsal: Report) -> None:
+    page = re.sub(r"<(style|svg).*?</\1>", "", rehearsal.page.read_text(encoding="utf-8"), flags=re.DOTALL)
     texts = [line for line in re.split(r"<[^<>]*>", page) if "evidence about people" not in line]
     spoken = [text for text in texts if re.search(r"(?i)\b(people|persons?|(?<!simulated )participants?)\b", text)]
     assert spoken == []

@@ -156,6 +156,7 @@ def with_marks(route: Route) -> None:
     route.fulfill(json=record)
 
 
+@pytest.mark.slow
 def test_a_game_is_replayed_and_exported_as_a_film(page: Page, server: LiveServer) -> None:
     page.route("**/record.json", with_marks)
     page.goto(f"{server.url}/admin/s/short/games")
@@ -227,6 +228,7 @@ def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: 
     page.set_viewport_size({"width": 1366, "height": 768})
 
 
+@pytest.mark.slow
 def test_every_page_of_a_researcher_is_accessible(page: Page, server: LiveServer) -> None:
     def look(path: str) -> None:
         answer = page.goto(f"{server.url}/admin{path}")
@@ -283,6 +285,7 @@ def test_the_kept_report_opens_in_a_sandbox_and_can_be_downloaded(page: Page, se
     assert saved.value.suggested_filename == "short-report.zip"
 
 
+@pytest.mark.slow
 def test_a_report_dialog_that_opens_before_its_script_is_filled_when_the_script_comes(
     page: Page, server: LiveServer
 ) -> None:

@@ -9,6 +9,7 @@ from server.play.messages import Lesson, Notice
 from tests.e2e.test_game_browser_looks import lesson_page
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
 from tests.support.browser.game_page import DESKTOP, opened, screenshot, start, violations
+from tests.support.parameters import mostly_slow
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(120)]
 TOUCH = {"has_touch": True, "is_mobile": True}
@@ -31,7 +32,7 @@ def overlap(one: dict[str, float], other: dict[str, float]) -> bool:
     return across and one["y"] < other["y"] + other["height"] and other["y"] < one["y"] + one["height"]
 
 
-@pytest.mark.parametrize("screen", SCREENS)
+@pytest.mark.parametrize("screen", mostly_slow(SCREENS))
 def test_a_message_of_the_researcher_covers_no_station(chromium: Browser, server: FakeGameServer, screen: str) -> None:
     with opened(chromium, server, **SCREENS[screen]) as page:
         start(page, server)
@@ -91,7 +92,7 @@ def test_a_message_leaves_by_itself_once_it_was_read(chromium: Browser, server: 
         assert page.is_hidden("#notice")
 
 
-@pytest.mark.parametrize("screen", SCREENS)
+@pytest.mark.parametrize("screen", mostly_slow(SCREENS))
 def test_the_lesson_on_marks_leaves_the_marks_in_sight(chromium: Browser, server: FakeGameServer, screen: str) -> None:
     lesson_page(server)
     with opened(chromium, server, **SCREENS[screen]) as page:
@@ -114,7 +115,7 @@ def test_the_lesson_on_marks_leaves_the_marks_in_sight(chromium: Browser, server
             assert not overlap(bubble, cell), (column, row)
 
 
-@pytest.mark.parametrize("language", ["en", "zh"])
+@pytest.mark.parametrize("language", mostly_slow(["en", "zh"]))
 @pytest.mark.parametrize("size", [(1366, 768), (1024, 600), (844, 390), (667, 375)], ids=lambda size: str(size[0]))
 def test_no_lesson_covers_a_pot_or_the_own_chef(
     chromium: Browser, server: FakeGameServer, size: tuple[int, int], language: str

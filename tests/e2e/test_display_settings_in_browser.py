@@ -8,6 +8,7 @@ from playwright.sync_api import Browser, expect
 
 from tests.support.browser.game_page import DESKTOP, PHONE, screenshot
 from tests.support.page_site import SMALL_STUDY, PageSite
+from tests.support.parameters import mostly_slow
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 SETTINGS = {"hold": "on_key", "switch": "toggle"}
@@ -30,11 +31,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageSite]:
 
 @pytest.mark.parametrize(
     ("name", "size", "words"),
-    [
-        ("hold", DESKTOP, "only while you hold the Q key"),
-        ("hold", PHONE, "only while you hold the “Next steps” button"),
-        ("switch", LANDSCAPE, "Tap the “Next steps” button to show them"),
-    ],
+    mostly_slow(
+        [
+            ("hold", DESKTOP, "only while you hold the Q key"),
+            ("hold", PHONE, "only while you hold the “Next steps” button"),
+            ("switch", LANDSCAPE, "Tap the “Next steps” button to show them"),
+        ]
+    ),
 )
 def test_the_introduction_explains_how_to_ask_for_the_marks(
     chromium: Browser, site: PageSite, name: str, size: dict[str, int], words: str

@@ -124,6 +124,7 @@ def test_one_key_explains_the_marks_before_a_round_and_in_a_pause_but_not_while_
         page.wait_for_selector("#marks-help[open]")
 
 
+@pytest.mark.slow
 def test_with_reduced_motion_a_button_goes_through_the_example(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server, reduced_motion="reduce") as page:
         page.wait_for_selector("[data-phase=ready]")
@@ -138,6 +139,7 @@ def test_with_reduced_motion_a_button_goes_through_the_example(chromium: Browser
         assert words[-1] == "The chef did all the steps that its marks showed."
 
 
+@pytest.mark.slow
 def test_if_intentions_are_shown_the_example_shows_one_in_words(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = rings(display="intention")
     with opened(chromium, server, reduced_motion="reduce") as page:

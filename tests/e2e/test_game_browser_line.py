@@ -20,11 +20,12 @@ from server.play.messages import (
 )
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import opened, settled, start
+from tests.support.parameters import mostly_slow
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
 
-@pytest.mark.parametrize("code", [1011, 1012])
+@pytest.mark.parametrize("code", mostly_slow([1011, 1012]))
 def test_a_lost_connection_is_restored_at_the_same_timestep(
     chromium: Browser, server: FakeGameServer, code: int
 ) -> None:
@@ -137,7 +138,7 @@ def test_a_server_that_falls_silent_is_noticed(chromium: Browser, server: FakeGa
         expect(page.locator("#banner")).to_be_hidden()
 
 
-@pytest.mark.parametrize("phase", ["room", "ready", "paused", "countdown"])
+@pytest.mark.parametrize("phase", mostly_slow(["paused", "room", "ready", "countdown"]))
 def test_a_dead_line_is_given_up_in_every_phase(chromium: Browser, server: FakeGameServer, phase: str) -> None:
     first = {"room": [Waiting(60.0)], "ready": [], "paused": [Paused("researcher", 0.0)], "countdown": [Countdown(600)]}
     server.on_hello = lambda _: [*([] if phase == "room" else [welcome()]), *first[phase]]
@@ -200,7 +201,8 @@ def quick(page: Page) -> None:
 
 
 @pytest.mark.parametrize(
-    ("reason", "part"), [("database", "#banner"), ("researcher", "#pause"), ("partner", "#pause"), ("server", "#pause")]
+    ("reason", "part"),
+    mostly_slow([("database", "#banner"), ("researcher", "#pause"), ("partner", "#pause"), ("server", "#pause")]),
 )
 def test_every_pause_shows_its_reason(chromium: Browser, server: FakeGameServer, reason: str, part: str) -> None:
     with opened(chromium, server) as page:
@@ -213,12 +215,14 @@ def test_every_pause_shows_its_reason(chromium: Browser, server: FakeGameServer,
 
 @pytest.mark.parametrize(
     ("reason", "left_s", "words"),
-    [
-        ("partner", 1.0, "The round ends if your partner is not back within 1 second."),
-        ("partner", 30.0, "The round ends if your partner is not back within 30 seconds."),
-        ("blur", 30.0, "Please resume within 30 seconds."),
-        ("blur", 0.1, "Please resume within 1 second."),
-    ],
+    mostly_slow(
+        [
+            ("partner", 30.0, "The round ends if your partner is not back within 30 seconds."),
+            ("partner", 1.0, "The round ends if your partner is not back within 1 second."),
+            ("blur", 30.0, "Please resume within 30 seconds."),
+            ("blur", 0.1, "Please resume within 1 second."),
+        ]
+    ),
 )
 def test_a_pause_shows_what_happens_if_it_lasts_too_long(
     chromium: Browser, server: FakeGameServer, reason: Any, left_s: float, words: str

@@ -20,6 +20,7 @@ from tests.support.browser.game_page import (
     start,
     violations,
 )
+from tests.support.parameters import mostly_slow
 
 
 def test_score_time_and_soups_follow_the_server(chromium: Browser, server: FakeGameServer) -> None:
@@ -150,11 +151,13 @@ def test_sound_is_off_until_it_is_wanted_and_the_choice_is_kept(chromium: Browse
 
 @pytest.mark.parametrize(
     "broken",
-    [
-        "delete window.AudioContext",
-        "window.AudioContext = function () { throw new DOMException('no device', 'NotSupportedError'); }",
-        "AudioContext.prototype.createOscillator = () => { throw new DOMException('closed', 'InvalidStateError'); }",
-    ],
+    mostly_slow(
+        [
+            "delete window.AudioContext",
+            "window.AudioContext = function () { throw new DOMException('no device', 'NotSupportedError'); }",
+            "AudioContext.prototype.createOscillator = () => { throw new DOMException('closed', 'InvalidState'); }",
+        ]
+    ),
     ids=["no WebAudio", "no device", "closed"],
 )
 def test_a_browser_that_cannot_make_sound_plays_on(chromium: Browser, server: FakeGameServer, broken: str) -> None:

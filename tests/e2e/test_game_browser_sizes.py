@@ -19,11 +19,12 @@ from tests.support.browser.game_page import (
     screenshot,
     start,
 )
+from tests.support.parameters import mostly_slow
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
 
-@pytest.mark.parametrize("shows", [True, False])
+@pytest.mark.parametrize("shows", mostly_slow([True, False]))
 def test_stage_and_cards_have_one_size_in_all_conditions(
     chromium: Browser, server: FakeGameServer, shows: bool
 ) -> None:
@@ -45,7 +46,7 @@ SIZES: dict[str, Any] = {}
 CLIPPED = "[...document.querySelectorAll('.side .panel')].filter(one => one.scrollHeight > one.clientHeight).length"
 
 
-@pytest.mark.parametrize("display", ["actions", "both", "none"])
+@pytest.mark.parametrize("display", mostly_slow(["both", "actions", "none"]))
 def test_no_panel_next_to_the_kitchen_cuts_off_its_last_line(
     chromium: Browser, server: FakeGameServer, display: str
 ) -> None:
@@ -142,7 +143,9 @@ def test_no_dialog_hides_its_button_or_the_kitchen_that_one_studies(
 
 
 @pytest.mark.parametrize(
-    "size", [(390, 844), (844, 390), pytest.param((360, 640), marks=pytest.mark.slow), (1366, 768)], ids=str
+    "size",
+    [(390, 844), *(pytest.param(size, marks=pytest.mark.slow) for size in ((844, 390), (360, 640), (1366, 768)))],
+    ids=str,
 )
 def test_a_message_of_the_researcher_covers_neither_the_dialog_of_a_pause_nor_the_kitchen(
     chromium: Browser, server: FakeGameServer, size: tuple[int, int]

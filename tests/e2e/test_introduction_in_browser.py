@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.support.browser.person import DESK, PHONE, BrowserPerson, answer_everything, heading
@@ -69,6 +70,7 @@ COLOURS = """() => {
 }"""
 
 
+@pytest.mark.slow
 def test_kitchens_are_drawn(person: BrowserPerson) -> None:
     page = person.consent().jump("ready-02").page
     expect(page.locator("#scene")).to_have_attribute(
@@ -88,6 +90,7 @@ GREEN = """() => {
 }"""
 
 
+@pytest.mark.slow
 def test_the_scene_draws_as_many_steps_as_the_rounds(chromium: Browser, tmp_path: Path) -> None:
     greens = []
     arms = "  - {name: without, predictor: none}\n  - {name: with, predictor: tom}\n"

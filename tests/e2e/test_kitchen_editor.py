@@ -93,6 +93,7 @@ def is_accessible(page: Page) -> None:
     assert violations(page) == []
 
 
+@pytest.mark.slow
 def test_a_kitchen_is_drawn_by_keyboard_mended_saved_and_played(page: Page, server: LiveServer) -> None:
     expect(page.locator("#problems")).to_contain_text("There is no pot.")
     page.focus("#drawing")

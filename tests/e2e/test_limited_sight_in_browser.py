@@ -35,6 +35,7 @@ def brightness(page: Page, column: float, row: float) -> int:
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE, LANDSCAPE], ids=str)
+@pytest.mark.slow
 def test_the_view_is_bright_and_the_rest_is_dark(
     chromium: Browser, server: FakeGameServer, size: dict[str, int]
 ) -> None:
@@ -49,6 +50,7 @@ def test_the_view_is_bright_and_the_rest_is_dark(
 
 
 @pytest.mark.parametrize(("radius", "note"), [(1, "view: 1 cell each way"), (2, "view: 2 cells each way")])
+@pytest.mark.slow
 def test_the_note_on_the_view_counts_its_cells(
     chromium: Browser, server: FakeGameServer, radius: int, note: str
 ) -> None:

@@ -133,6 +133,7 @@ def set_status(connection: Connection, participant_id: str, status: str) -> None
     connection.execute(table.update().where(table.c.id == participant_id).values(status=status))
 
 
+@pytest.mark.slow
 def test_pages_fit_into_320_pixels_and_200_percent(person: BrowserPerson) -> None:
     page, wide = person.page, []
 

@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from server.study.loader import parse_study
@@ -14,6 +15,7 @@ from tests.support.browser.study_builder import session as session
 from tests.support.live_server import LiveServer
 
 
+@pytest.mark.slow
 def test_kitchens_are_taken_out_of_the_published_study_without_correcting_anything_by_hand(
     new_page: NewPage, server: LiveServer
 ) -> None:

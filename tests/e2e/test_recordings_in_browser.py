@@ -14,6 +14,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.timeout(180)]
 PEOPLE = Path(__file__).parents[1] / "data" / "cramped_room_train.jsonl.gz"
 
 
+@pytest.mark.slow
 def test_games_of_people_are_opened_watched_and_not_stored(chromium: Browser, tmp_path: Path) -> None:
     with LiveServer(tmp_path) as server:
         words = ("admin", "--database", server.database, "create", "mara", "--role", "watch")

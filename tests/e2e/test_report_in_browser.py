@@ -20,6 +20,7 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_report(declaring(folder / "data", folder / "declared", declared), folder / "report").page
 
 
+@pytest.mark.slow
 def test_the_report_fits_a_laptop_and_a_phone_and_needs_no_network(chromium: Browser, page_file: Path) -> None:
     for width, height in ((1366, 768), (390, 844)):
         page = chromium.new_page(viewport={"width": width, "height": height})

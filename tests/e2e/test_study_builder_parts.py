@@ -36,6 +36,7 @@ def teamwork_questionnaire(new_page: NewPage, name: str) -> Page:
     return page
 
 
+@pytest.mark.slow
 def test_a_number_says_what_it_takes_and_each_section_leads_to_its_keys(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "types")
@@ -114,6 +115,7 @@ def test_levels_of_factors_are_changed_in_the_form_and_their_mistakes_shown_at_t
     expect(at(page, "factors", "opacity", "faded", "confidence_opacity")).to_be_attached()
 
 
+@pytest.mark.slow
 def test_languages_stand_side_by_side_and_missing_texts_are_found(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "bilingual")

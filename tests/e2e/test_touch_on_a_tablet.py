@@ -72,6 +72,7 @@ def drag(page: Page, drawing: Locator, cells: list[tuple[int, int]], columns: in
     touch.detach()
 
 
+@pytest.mark.slow
 def test_a_study_and_its_kitchen_are_made_with_a_finger(page: Page) -> None:
     for title in ("Steps and pages", "Questionnaires", "Kitchens and order"):
         page.tap(f"#form > details > summary:has-text('{title}')")
@@ -96,6 +97,7 @@ def test_a_study_and_its_kitchen_are_made_with_a_finger(page: Page) -> None:
     expect(page.locator("#save-state")).to_have_text("Saved")
 
 
+@pytest.mark.slow
 def test_with_a_keyboard_on_the_screen_a_dialog_s_buttons_can_be_reached(page: Page) -> None:
     """A keyboard leaves half of the height: what is in the dialog scrolls."""
     screen = page.viewport_size

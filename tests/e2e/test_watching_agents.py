@@ -11,6 +11,7 @@ from server.store.tables import episodes, participants
 from tests.support.browser.browser_cook import BrowserCook
 from tests.support.browser.game_page import DESKTOP, PHONE, draw_less_often, screenshot
 from tests.support.live_server import LiveServer
+from tests.support.parameters import mostly_slow
 from tests.support.real_server import SHORT_STUDY
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
@@ -25,7 +26,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
         yield running
 
 
-@pytest.mark.parametrize(("viewport", "marks"), [(DESKTOP, 1), (PHONE, 0)], ids=["desktop-green", "phone-blue"])
+@pytest.mark.parametrize(
+    ("viewport", "marks"), mostly_slow([(DESKTOP, 1), (PHONE, 0)]), ids=["desktop-green", "phone-blue"]
+)
 def test_two_agents_cook_for_a_viewer(
     chromium: Browser, server: LiveServer, viewport: dict[str, int], marks: int
 ) -> None:

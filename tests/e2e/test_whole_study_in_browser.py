@@ -46,6 +46,7 @@ def stored(server: RealServer, person: str) -> tuple[participants.Participant, l
         return found
 
 
+@pytest.mark.slow
 def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer, recruitment_id: str) -> None:
     context = chromium.new_context(viewport=DESKTOP, locale="en-GB", reduced_motion="reduce")
     page = draw_less_often(context).new_page()
@@ -85,6 +86,7 @@ def test_the_whole_study_by_touch_alone_in_chinese(chromium: Browser, server: Re
     page.context.close()
 
 
+@pytest.mark.slow
 def test_everything_that_they_stored_is_valid(server: RealServer) -> None:
     verified = server.command("verify")
     assert verified.returncode == 0, verified.stdout + verified.stderr

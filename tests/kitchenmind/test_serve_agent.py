@@ -62,6 +62,7 @@ def northward() -> Iterator[AgentServer]:
         yield serving
 
 
+@pytest.mark.slow
 async def test_an_agent_of_this_process_plays_a_whole_episode_with_somebody(
     northward: AgentServer, tmp_path: Path
 ) -> None:

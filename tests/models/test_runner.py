@@ -21,6 +21,7 @@ from overcooked.layout import load_layout
 from overcooked.planes import PLANES
 from overcooked.state import Kitchens
 from tests.support.onnx_files import linear_agent
+from tests.support.parameters import mostly_slow
 
 LAYOUT = "coordination_ring"
 NORTHWARD, EVEN = "tests.support.foreign_models:Northward", "tests.support.foreign_models:EvenHanded"
@@ -191,7 +192,7 @@ async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened
     assert server.statistics().restarts == 2
 
 
-@pytest.mark.parametrize("weights_file", [None, "weights.bin"])
+@pytest.mark.parametrize("weights_file", mostly_slow([None, "weights.bin"]))
 async def test_a_restarted_worker_refuses_a_file_that_has_changed(serving, tmp_path, caplog, weights_file):
     path = tmp_path / "agent.onnx"
     layout = load_layout(LAYOUT)

@@ -54,6 +54,7 @@ def printed(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_agents_are_a_list_of_points_with_themselves_and_with_unseen_partners(capsys):
     entries = printed(capsys, "agents", "--layouts", LAYOUT, "--episodes", "1", "--timesteps", "20")
     assert [kinds(entry) for entry in entries] == [AGENT] * len(entries)
@@ -95,6 +96,7 @@ BEFORE = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_intentions_are_compared_with_two_baselines(capsys):
     words = ["predictor", "--layout", LAYOUT, "--agent", "sp", "--trajectories", "1", "--timesteps", "100"]
     entry, other = sorted(printed(capsys, *words, "--intentions"), key=lambda one: str(one["form"]))

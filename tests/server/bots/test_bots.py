@@ -166,6 +166,7 @@ def test_a_repeat_with_the_same_seed_makes_the_same_choices(walked: Walked, tmp_
     assert choices(again.bots) == choices(walked.bots)
 
 
+@pytest.mark.slow
 def test_a_kept_guarantee_is_not_a_violation(walked: Walked, tmp_path: Path) -> None:
     assert walked.tampered(tmp_path) == []
 
@@ -291,6 +292,7 @@ def test_bots_come_with_ids_that_look_like_the_recruiter_s(recruitment: dict[str
     assert len(set(people)) == 2
 
 
+@pytest.mark.slow
 def test_participants_of_whom_some_give_up_violate_nothing(all_bundled: OwnServer) -> None:
     words = ["--study", "quick_look", "--url", all_bundled.url, "--database", all_bundled.database]
     some_give_up(8, 1, 6, *words)

@@ -68,6 +68,7 @@ def test_a_study_whose_predictor_is_missing_is_not_served_and_bots_say_why(predi
 
 
 @pytest.mark.timeout(1200)
+@pytest.mark.slow
 def test_every_timestep_without_the_required_display_is_counted_by_bots_export_and_report(tmp_path: Path) -> None:
     (tmp_path / "sometimes.py").write_text(SOMETIMES, encoding="utf-8")
     database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"

@@ -13,6 +13,7 @@ from tests.support.real_server import RealServer
 pytestmark = pytest.mark.postgres
 
 
+@pytest.mark.slow
 async def test_a_stop_does_not_wait_forever_for_a_database_that_hangs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
