@@ -156,7 +156,6 @@ def with_marks(route: Route) -> None:
     route.fulfill(json=record)
 
 
-@pytest.mark.slow
 def test_a_game_is_replayed_and_exported_as_a_film(page: Page, server: LiveServer) -> None:
     page.route("**/record.json", with_marks)
     page.goto(f"{server.url}/admin/s/short/games")
