@@ -119,6 +119,7 @@ clean:
 	@echo "Compiling what the tests load (a minute, once) ..."
 	@{ $(BIN)/python -m pytest --collect-only; \
 	  $(BIN)/python -c 'from models.inference import attention; attention.warm()'; \
+	  $(BIN)/python -m pytest tests/training/test_predictors_in_play.py -k accurate_in_play; \
 	  $(BIN)/python -m pytest tests/training/test_ppo.py -k "every_form or interrupted or advantages or fused"; \
 	  } > /dev/null 2>&1 & \
 	  $(BIN)/python -m pytest tests/overcooked/test_vector_env.py \
