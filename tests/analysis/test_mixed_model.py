@@ -12,6 +12,7 @@ from statsmodels.regression.mixed_linear_model import MixedLM
 from analysis import mixed_model, mixed_model_fit
 from analysis.mixed_model_fit import Data, FitError
 from analysis.results import Result, select
+from tests.support.parameters import mostly_slow
 
 PERSON_SD, RESIDUAL_SD, ARM = 8.0, 25.0, 29
 CONDITIONS = ("none", "tom")
@@ -66,7 +67,7 @@ def dense(episodes: pl.DataFrame, columns: np.ndarray, restricted: bool) -> tupl
     return at((low + high) / 2 if low else float(grid[best]))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", mostly_slow(range(2)))
 def test_the_difference_and_its_error_are_those_of_exact_reml(seed: int) -> None:
     episodes = study(seed)
     row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]

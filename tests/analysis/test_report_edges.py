@@ -17,6 +17,7 @@ from analysis.study import Options
 from analysis.synthetic import Truth, write_export
 from analysis.tables import ExportError, read_export
 from tests.analysis.test_report import copied
+from tests.support.parameters import mostly_slow
 
 Change = Callable[[str, pl.DataFrame], pl.DataFrame | None]
 QUICK = Options(power_studies=20, draws=200)
@@ -121,7 +122,7 @@ CONSTANT = {
 DRAWN = ("nothing", "one soup once", "not recorded")  # the oddest axes; the figures of the others are built only
 
 
-@pytest.mark.parametrize("case", CONSTANT)
+@pytest.mark.parametrize("case", mostly_slow(CONSTANT))
 def test_every_test_that_cannot_be_computed_gives_its_reason_and_the_rest_is_written(
     case: str, small: Path, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

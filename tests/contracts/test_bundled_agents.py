@@ -36,6 +36,7 @@ PAIRS = [(name, "sp", "fcp") for name in ALL] + [(name, "sp_strong", "fcp_strong
 
 
 @pytest.mark.parametrize("name", WANTED_OF_STRONG)
+@pytest.mark.slow
 def test_the_strong_sp_agent_cooks_well_with_itself_and_better_than_two_planners(name: str) -> None:
     layout = load_layout(name)
     agent, planner = (
@@ -56,6 +57,7 @@ def test_the_sp_agent_cooks_well_with_itself(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "sp", "fcp"), PAIRS)
+@pytest.mark.slow
 def test_the_fcp_agent_scores_at_least_half_of_sp_with_itself(name: str, sp: str, fcp: str) -> None:
     layout = load_layout(name)
     alone, best_response = (

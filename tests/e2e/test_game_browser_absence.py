@@ -7,6 +7,7 @@ from playwright.sync_api import Browser, Page, expect
 from server.play.messages import Away, Countdown, Ended, EndReason, Outgoing, Paused, PauseReason, Ready
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import opened, settled, start
+from tests.support.parameters import mostly_slow
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
@@ -77,7 +78,7 @@ def test_a_browser_that_never_says_that_the_page_has_the_focus_plays(chromium: B
 
 
 @pytest.mark.parametrize(
-    ("reason", "seconds"), [("researcher", ""), ("database", ""), ("blur", "30"), ("partner", "30")]
+    ("reason", "seconds"), mostly_slow([("blur", "30"), ("partner", "30"), ("researcher", ""), ("database", "")])
 )
 def test_a_lost_connection_names_a_limit_only_if_the_absence_counts(
     chromium: Browser, server: FakeGameServer, reason: PauseReason, seconds: str
@@ -95,12 +96,14 @@ def test_a_lost_connection_names_a_limit_only_if_the_absence_counts(
 
 @pytest.mark.parametrize(
     ("sent", "seconds"),
-    [
-        ([Countdown(0, 8.0)], "8 seconds"),
-        ([Countdown(0, 25.0), Paused("partner", 5.0)], "5 seconds"),
-        ([Countdown(0, 3.0), Paused("server", 0.0)], "3 seconds"),
-        ([structs.replace(welcome(resumed=True), away_s=7.0)], "7 seconds"),
-    ],
+    mostly_slow(
+        [
+            ([Countdown(0, 8.0)], "8 seconds"),
+            ([Countdown(0, 25.0), Paused("partner", 5.0)], "5 seconds"),
+            ([Countdown(0, 3.0), Paused("server", 0.0)], "3 seconds"),
+            ([structs.replace(welcome(resumed=True), away_s=7.0)], "7 seconds"),
+        ]
+    ),
 )
 def test_a_lost_connection_names_what_earlier_absences_have_left(
     chromium: Browser, server: FakeGameServer, sent: list[Outgoing], seconds: str
@@ -200,14 +203,16 @@ def test_no_time_is_shown_when_it_is_over(chromium: Browser, server: FakeGameSer
 
 @pytest.mark.parametrize(
     ("kind", "partner", "reason", "words"),
-    [
-        ("episode", "human", "away", "One player was away too long, so you two will not play together any more."),
-        ("episode", "human", "withdrawn", "Your partner has left the study, so this round ends here."),
-        ("episode", "human", "researcher", "It was stopped early."),
-        ("episode", "agent", "away", "You were away too long, so the round was stopped."),
-        ("episode", "agent", "error", "It was stopped early."),
-        ("tutorial", "agent", "away", "You were away too long, so the practice starts again."),
-    ],
+    mostly_slow(
+        [
+            ("episode", "human", "away", "One player was away too long, so you two will not play together any more."),
+            ("episode", "human", "withdrawn", "Your partner has left the study, so this round ends here."),
+            ("episode", "human", "researcher", "It was stopped early."),
+            ("episode", "agent", "away", "You were away too long, so the round was stopped."),
+            ("episode", "agent", "error", "It was stopped early."),
+            ("tutorial", "agent", "away", "You were away too long, so the practice starts again."),
+        ]
+    ),
 )
 def test_a_participant_reads_why_a_game_ended_before_its_time(
     chromium: Browser, server: FakeGameServer, kind: str, partner: str, reason: EndReason, words: str

@@ -10,6 +10,7 @@ from server.play.messages import Ended, Paused
 from tests.support.browser.double_rings import MOMENT, rings
 from tests.support.browser.fake_game_server import NONE, RINGS, FakeGameServer, kitchen, tick
 from tests.support.browser.game_page import opened, start, violations
+from tests.support.parameters import mostly_slow
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
@@ -48,7 +49,7 @@ def test_nothing_flies_when_motion_is_reduced(chromium: Browser, server: FakeGam
         assert page.evaluate("window.flown") == []
 
 
-@pytest.mark.parametrize("hatch", [(8, 2), (0, 2), (4, 0), (4, 4), (1, 4)])
+@pytest.mark.parametrize("hatch", mostly_slow([[8, 2], [0, 2], [4, 0], [4, 4], [1, 4]]))
 def test_points_fly_around_the_board_and_not_over_it(
     chromium: Browser, server: FakeGameServer, hatch: tuple[int, int]
 ) -> None:

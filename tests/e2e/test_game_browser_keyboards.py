@@ -34,6 +34,7 @@ def test_own_keys_are_kept_in_this_browser(chromium: Browser, server: FakeGameSe
         assert page.inner_text(".panel.kb kbd[data-action='0']") == "I"
 
 
+@pytest.mark.slow
 def test_the_number_pad_walks_and_uses(page: Page, server: FakeGameServer) -> None:
     for key in ("Numpad8", "Numpad2", "Numpad6", "Numpad4", "NumpadEnter"):
         page.keyboard.press(key)
@@ -122,6 +123,7 @@ def test_the_third_sign_of_a_key_is_not_taken_for_its_label(chromium: Browser, s
         expect(page.locator("[data-rebind='5']")).to_have_text("Q")
 
 
+@pytest.mark.slow
 def test_labels_are_learned_from_the_keys_where_the_browser_does_not_tell(
     chromium: Browser, server: FakeGameServer
 ) -> None:

@@ -14,6 +14,7 @@ from server.study.locale import locale
 from tests.e2e.test_game_browser_marks import CELL, DRAW, Picture
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import opened, start
+from tests.support.parameters import mostly_slow
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
@@ -143,7 +144,9 @@ def test_the_legend_names_as_many_steps_as_are_drawn(
         assert page.is_visible("#legend-order") == (steps > 1)
 
 
-@pytest.mark.parametrize(("tick_ms", "words"), [(200, "4 seconds"), (50, "1 second"), (125, "2.5 seconds")])
+@pytest.mark.parametrize(
+    ("tick_ms", "words"), mostly_slow([(125, "2.5 seconds"), (200, "4 seconds"), (50, "1 second")])
+)
 def test_the_legend_tells_how_long_a_soup_cooks_at_the_studys_speed(
     chromium: Browser, server: FakeGameServer, tick_ms: int, words: str
 ) -> None:
@@ -154,7 +157,7 @@ def test_the_legend_tells_how_long_a_soup_cooks_at_the_studys_speed(
         assert page.locator("#legend-cooking").text_content() == f": {words}"
 
 
-@pytest.mark.parametrize(("display", "entries"), [("actions", 4), ("intention", 3), ("both", 7)])
+@pytest.mark.parametrize(("display", "entries"), mostly_slow([("both", 7), ("actions", 4), ("intention", 3)]))
 def test_the_legend_explains_what_is_shown_and_screen_readers_hear_the_intention(
     chromium: Browser, server: FakeGameServer, display: str, entries: int
 ) -> None:

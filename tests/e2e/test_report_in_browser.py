@@ -34,6 +34,7 @@ def test_the_report_fits_a_laptop_and_a_phone_and_needs_no_network(chromium: Bro
         page.close()
 
 
+@pytest.mark.slow
 def test_no_table_is_cut_off_on_paper(chromium: Browser, page_file: Path) -> None:
     page = chromium.new_page(viewport={"width": 680, "height": 1000})  # the text width of A4 at 96 dpi
     page.emulate_media(media="print")

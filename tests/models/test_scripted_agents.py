@@ -12,6 +12,7 @@ from overcooked.constants import COOKING, EAST, FACING, HELD, ITEM_NAMES, NOTHIN
 from overcooked.interactions import InteractionKind
 from overcooked.layout import layout_names, load_layout
 from overcooked.state import Kitchens
+from tests.support.parameters import mostly_slow
 from training.evaluate_agents import EvaluatedAgent, play, with_itself
 
 
@@ -55,7 +56,7 @@ def test_the_entries_that_networks_read_are_all_that_ever_change(name: str) -> N
     assert set(changed.tolist()) <= set(varying_columns(layout, distinct=False)[0].tolist())
 
 
-@pytest.mark.parametrize("name", layout_names())
+@pytest.mark.parametrize("name", mostly_slow(layout_names()))
 def test_two_planners_serve_soup_in_every_kitchen_and_never_jam_for_good(name: str) -> None:
     layout = load_layout(name)
     games = with_itself(layout, EvaluatedAgent(*load_agent("planner", layout)), episodes=4)

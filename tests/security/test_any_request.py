@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from server.store import attempts
 from server.web.auth import FORM_FIELD
 from tests.support.faults.invariants import Holdings
+from tests.support.parameters import mostly_slow
 
 WORDS = {"type": "string"}
 FIELDS = (
@@ -68,14 +69,14 @@ def throw(server: Any, role: str, most: int) -> int:
     return len(operations)
 
 
-@pytest.mark.parametrize("role", ["anonymous", "participant", "own"])
+@pytest.mark.parametrize("role", mostly_slow(["anonymous", "participant", "own"]))
 def test_any_request_is_answered(server: Any, role: str) -> None:
     assert throw(server, role, most=1) >= 30
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("role", ["anonymous", "participant", "own"])
+@pytest.mark.parametrize("role", mostly_slow(["anonymous", "participant", "own"]))
 def test_thousands_of_requests_are_answered(server: Any, role: str) -> None:
     assert throw(server, role, most=100) >= 30
 

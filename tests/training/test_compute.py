@@ -94,6 +94,7 @@ def test_a_predictor_creates_nothing_on_the_cpu(form: str, encoder: str) -> None
     assert network.encoder(seen).shape == (4, network.encoder.size)
 
 
+@pytest.mark.slow
 def test_threads_step_the_same_games_as_environments_of_their_own() -> None:
     starts = Starts(desynchronised=True)
     together = threaded_env(RING, 10, starts, 7, 3)

@@ -63,10 +63,14 @@ def all_bundled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnServer]
         yield server
 
 
+# One for a person and an agent, as published; one for two people; the smallest.
+EVERY_RUN = ("external_predictor", "two_people", "quick_look")
+
+
 @pytest.mark.parametrize(
     "study",
     [
-        pytest.param(study, id=study.stem, marks=[pytest.mark.slow] if study.parent.name == "examples" else [])
+        pytest.param(study, id=study.stem, marks=[] if study.stem in EVERY_RUN else [pytest.mark.slow])
         for study in STUDIES
         if study != OTHER_KITCHENS
     ],

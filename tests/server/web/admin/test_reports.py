@@ -117,6 +117,7 @@ def check_policy(policy: str, page: str) -> None:
     assert rules["frame-ancestors"] == rules["form-action"] == rules["base-uri"] == ["'none'"]
 
 
+@pytest.mark.slow
 def test_data_without_a_report_are_a_failure_with_its_reason(site: PageSite) -> None:
     researcher = seeing(site)
     researcher.post(f"{BASE}/report")
