@@ -17,7 +17,7 @@ from models.inference.launch import Launched
 from models.inference.partial_answer import PartialAnswer, read_answer
 from models.inference.supervised_worker import ModelsDown, SupervisedWorker
 from models.inference.wire import APART, Answer, Load, Name, Row
-from models.protocols import Decision, Question
+from models.protocols import Decision, History, Question
 from overcooked.constants import PLAYERS
 
 __all__ = ["ModelServer", "ModelStatistics", "ModelsDown"]
@@ -186,7 +186,8 @@ class ModelServer:
         for (worker, layout), parts in groups.items():
             chosen = [k for k, _, _ in parts]
             if worker.ready(patience_s):
-                sent.append((chosen, self._send_group(worker, layout, questions, parts)))
+                rows, histories = self._rows(worker, questions, parts)
+                sent.append((chosen, worker.ask(layout, rows, histories, patience_s)))
             else:
                 self._late += len(chosen)
         return sent
@@ -210,13 +211,13 @@ class ModelServer:
             pools.append((pool, None, predictor))
         return pools
 
-    def _send_group(
+    def _rows(
         self,
         worker: SupervisedWorker,
-        layout: str,
         questions: Sequence[Question],
         parts: list[tuple[int, str | None, str | None]],
-    ) -> "asyncio.Future[Answer]":
+    ) -> tuple[list[Row], list[History]]:
+        """Return what a worker is sent about these questions; it counts as sent from now on."""
         rows, histories = [], []
         for k, agent, predictor in parts:
             question = questions[k]
@@ -242,7 +243,7 @@ class ModelServer:
             histories.append(history)
             if predictor is not None:
                 worker.saw(key, question.timestep)
-        return worker.ask(layout, rows, histories)
+        return rows, histories
 
     def _read(self, found: list[PartialAnswer], answer: Answer) -> None:
         self._times.append(answer.model_ms)

@@ -231,6 +231,14 @@ async def test_a_worker_that_hangs_is_replaced(serving):
     assert decision is not None
 
 
+async def test_a_model_that_answers_within_a_long_deadline_does_not_hang(serving):
+    slow = "tests.support.foreign_models:SlowAfterWarming"
+    server = await serving([slow], hang_s=0.1)
+    (decision,) = await server.ask([AskedGame("a").question(slow)], PATIENT_MS)
+    assert decision is not None
+    assert server.statistics().restarts == 0
+
+
 async def test_a_late_answer_is_dropped_and_the_next_is_in_time(serving):
     slow = "tests.support.foreign_models:SlowAfterWarming"
     server = await serving([slow])
