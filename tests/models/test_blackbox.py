@@ -244,6 +244,21 @@ def test_an_answer_on_a_connection_that_closes_is_read_whole(raw_address):
         assert policy.probabilities(STATES).argmax(1).tolist() == [2, 2, 3]
 
 
+def test_a_connection_that_the_address_closed_in_a_pause_is_opened_again(raw_address):
+    url, answer = raw_address
+    body = b'{"actions": [2, 2, 3]}'
+    answer["chunks"] = [b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n" % len(body) + body]
+    with agent_at(url) as policy:
+        for _ in range(3):
+            assert policy.probabilities(STATES).argmax(1).tolist() == [2, 2, 3]
+
+
+def test_an_address_that_closes_every_connection_is_an_error(raw_address):
+    url, _ = raw_address
+    with agent_at(url) as policy, pytest.raises(BlackBoxError, match="does not answer as an agent should"):
+        policy.probabilities(STATES)
+
+
 def test_an_address_with_a_wrong_port_is_refused():
     with pytest.raises(BlackBoxError, match="is not an address"):
         load_foreign_agent("http://127.0.0.1:x/", RING)
