@@ -115,6 +115,17 @@ def test_finished_tasks_travel_in_a_folder_and_only_with_the_same_settings(tmp_p
     assert (same.folder("x/c") / "made").read_text() == "cba"
 
 
+def test_tasks_that_were_finished_before_a_folder_was_given_are_kept_in_it_too(tmp_path: Path) -> None:
+    preset = _preset(tmp_path, "population = 1\ntargets = 1\nextras = false\npublish = false\n")
+    words = ["train", "study", "--preset", preset, "--layouts", "matrix", "--only", "population_sp"]
+    (task,) = (one for one in study_tasks("matrix", load_preset(preset)) if one.name == "population_sp_1")
+    graph = Graph([task], tmp_path / "runs" / "study")
+    (graph.log("matrix/population_sp_1").parent / "task_done").touch()
+    for _ in range(2):
+        assert kitchenmind.main([*words, "--runs", str(tmp_path / "runs"), "--keep", str(tmp_path / "kept")]) == 0
+        assert list(graph.kept_in(tmp_path / "kept")) == ["matrix/population_sp_1"]
+
+
 def _preset(folder: Path, text: str) -> str:
     path = folder / "mine.toml"
     path.write_text(text, encoding="utf-8")
