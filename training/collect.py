@@ -149,6 +149,13 @@ def read_shard(folder: Path, name: str, sha256: str) -> Shard:
     return load_file(file)
 
 
+def whole_episodes(shard: Shard) -> Shard:
+    """Return the games without the timesteps of a last episode that they do not finish."""
+    timesteps = shard["timestep"].shape[1]
+    whole = timesteps - timesteps % min(HORIZON, timesteps)
+    return {name: values if name == "seat" else values[:, :whole] for name, values in shard.items()}
+
+
 def games_with(layout: Layout, target: Target, partner: Partner, plan: CollectionPlan) -> Shard:
     """Return the target's games with one partner: 4 settings x `trajectories` games G of T timesteps. Arrays, target
     first:
