@@ -23,7 +23,7 @@ from training.pipeline.agent_tasks import prediction_tasks, study_tasks
 from training.pipeline.presets import load_preset
 from training.pipeline.study_tasks import Graph
 from training.publish_intentions import write_intentions
-from training.publish_predictor import population_folder, unseen_games, write_predictor
+from training.publish_predictor import HowTrained, population_folder, unseen_games, write_predictor
 
 RING = load_layout("coordination_ring")
 HERE = WEIGHTS / RING.name
@@ -68,7 +68,7 @@ def _predictors(ring, agent, other):
     none = intention_entry(EvaluatedIntentions(*(np.zeros(1, np.int64) for _ in fields(EvaluatedIntentions))), RING)
     for form in ("stream", "window"):
         place = ring / f"intentions_{agent}_{form}"
-        write_predictor(place / "predictor", network, RING, target, games, {"updates": 7})
+        write_predictor(place / "predictor", network, RING, target, games, HowTrained({"updates": 7}))
         written = load_checkpoint(place / "predictor")
         write_intentions(written, network.intentions, none, {"states": 1}, place / "predictor")
 
