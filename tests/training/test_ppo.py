@@ -150,6 +150,29 @@ def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path,
         assert torch.equal(tensor, networks[1][name]), name
 
 
+def test_a_run_that_is_interrupted_before_an_episode_has_ended_measures_the_same_reward(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    iteration = PpoTrainer.iteration
+
+    def later(trainer: PpoTrainer) -> dict[str, float]:
+        metrics = iteration(trainer)
+        return {key: value for key, value in metrics.items() if key != "reward"} | (
+            {"reward": 100.0} if trainer.timesteps > 3200 else {}
+        )
+
+    def interrupt(timesteps: int, _: dict[str, float]) -> None:
+        if timesteps == 3200:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(PpoTrainer, "iteration", later)
+    folder = RunFolder(tmp_path / "run", run_settings(SHORT, RING, 5, []))
+    with pytest.raises(KeyboardInterrupt):
+        train(PpoTrainer(SHORT, RING, 5), folder, interrupt, 0)
+    train(PpoTrainer(SHORT, RING, 5), folder)
+    assert next(line["mean_reward"] for line in folder.metrics() if "reward" in line) == 100
+
+
 def test_a_run_keeps_its_snapshots_evenly_and_its_learning_rate_falls_linearly(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "run", run_settings(SHORT, RING, 5, []))
     train(PpoTrainer(SHORT, RING, 5), folder)  # 8 iterations of 800 timesteps
