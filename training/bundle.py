@@ -47,9 +47,9 @@ def keep_strong(layout: Layout) -> None:
     for agent in KINDS:
         if (here / strong(agent)).exists() or not (here / agent).is_dir():
             continue
-        (here / agent).rename(here / strong(agent))
         for folder in sorted(here.glob(f"{agent}_predictor_*")):
             folder.rename(here / folder.name.replace(agent, strong(agent), 1))
+        (here / agent).rename(here / strong(agent))  # last: as long as it is there, the next command continues here
 
 
 def _finished(kept: Path, layout: Layout, preset: Preset) -> Mapping[str, Path]:

@@ -5,6 +5,7 @@ import io
 import json
 import shutil
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -141,6 +142,23 @@ def test_doing_it_again_leaves_the_strong_agents(bundled):
     keep_strong(RING)
     assert (ring / "sp_strong" / "sha256").read_bytes() == before["sp"]
     assert (ring / "sp" / "sha256").read_bytes() != before["sp"]
+
+
+def test_an_interruption_does_not_lose_the_predictors_of_the_strong_agents(weights, monkeypatch):
+    rename, before = Path.rename, (weights / "sp_predictor_stream" / "sha256").read_bytes()
+
+    def interrupted(path, target):
+        if len(list(weights.glob("*_strong*"))) == 1:
+            raise KeyboardInterrupt
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        keep_strong(RING)
+    monkeypatch.setattr(Path, "rename", rename)
+    keep_strong(RING)
+    assert (weights / "sp_strong_predictor_stream" / "sha256").read_bytes() == before
+    assert {path.name for path in weights.glob("*_strong")} == {"sp_strong", "fcp_strong"}
 
 
 @pytest.mark.parametrize("name", ["intentions_fcp_window", "population_fcp_22"])
