@@ -113,6 +113,7 @@ class SupervisedWorker:
         self._spares: list[asyncio.Task[WorkerProcess]] = []
         self._worker: WorkerProcess | None = None
         self._known: dict[str, int] = {}  # game key -> newest timestep that the worker has seen
+        self._held: set[str] = set()  # keys of games for which its predictors keep a state, also after a failure
         self._waiting: dict[int, _Waiting] = {}  # in the order asked
         self._ids = itertools.count()
         self._care: asyncio.Task[None] | None = None
@@ -154,9 +155,13 @@ class SupervisedWorker:
     def saw(self, key: str, timestep: int) -> None:
         """The state has been sent: the worker reads frames in order, however late it answers."""
         self._known[key] = timestep
+        self._held.add(key)
 
     def forget(self, keys: list[str]) -> None:
-        gone = [key for key in keys if self._known.pop(key, None) is not None]
+        gone = [key for key in keys if key in self._held]
+        self._held.difference_update(gone)
+        for key in gone:
+            self._known.pop(key, None)
         if gone and self._worker is not None:
             self._worker.send(Forget(gone))
 
@@ -213,6 +218,7 @@ class SupervisedWorker:
                 watching.cancel()
             dead, self._worker = self._worker, None
             self._known.clear()
+            self._held.clear()
             self._drop_waiting()
             await dead.end()
             self._worker = await self._replacement()

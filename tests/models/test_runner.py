@@ -27,6 +27,7 @@ NORTHWARD, EVEN = "tests.support.foreign_models:Northward", "tests.support.forei
 REMEMBERING = "tests.support.foreign_models:Remembering"
 PLANNING = "tests.support.foreign_models:Planning"
 JAMMING = "tests.support.foreign_models:Jamming"
+SLOTTED = "tests.support.foreign_models:Slotted"
 PATIENT_MS = 5000
 _games = count()  # no two games of this file have one name: some share a server
 in_one_loop = pytest.mark.asyncio(loop_scope="module")
@@ -322,6 +323,17 @@ async def test_asking_twice_about_one_state_gives_the_same_answer(shared):
     for _ in range(12):
         question = game.play().question(predictor=REMEMBERING)
         assert await shared.ask([question], PATIENT_MS) == await shared.ask([question], PATIENT_MS)
+
+
+async def test_a_game_whose_predictor_failed_last_makes_room_for_the_next(serving):
+    server = await serving(predictors=[SLOTTED])
+    failed = AskedGame("a")
+    assert (await server.ask([failed.question(predictor=SLOTTED)], PATIENT_MS))[0].prediction[0][0] == 1
+    failed.play().states[-1].contents[0, 0, 0] = SOUP  # on the counter in the corner
+    assert await server.ask([failed.question(predictor=SLOTTED)], PATIENT_MS) == [None]
+    server.forget(failed.name)
+    (decision,) = await server.ask([AskedGame("b").question(predictor=SLOTTED)], PATIENT_MS)
+    assert decision.prediction[0][0] == 1
 
 
 async def test_nothing_is_left_running_after_close():
