@@ -60,9 +60,8 @@ class ModelServer:
         self._first = (agents, predictors, dict(grids or {}))
         self._workers, self._hang_s, self._ahead = workers, hang_s, ahead
         self._pool: list[SupervisedWorker] = []
-        self._pool_of: dict[Name, list[SupervisedWorker]] = {}  # any of them answers
-        self._agents: frozenset[Name] = frozenset()
-        self._predictors: frozenset[Name] = frozenset()
+        self._agents: dict[Name, list[SupervisedWorker]] = {}  # any of them answers
+        self._predictors: dict[Name, list[SupervisedWorker]] = {}  # `random` is an agent and a predictor
         self._routes: dict[tuple[str, str | None, str | None], list[_Part]] = {}  # by layout, agent, predictor
         self._seats: dict[str, set[int]] = {}
         self._late = 0
@@ -81,7 +80,7 @@ class ModelServer:
 
     def has(self, agents: Sequence[Name], predictors: Sequence[Name]) -> bool:
         """Return whether all of these are loaded."""
-        return self._agents.issuperset(agents) and self._predictors.issuperset(predictors)
+        return self._agents.keys() >= set(agents) and self._predictors.keys() >= set(predictors)
 
     async def add(
         self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
@@ -102,10 +101,12 @@ class ModelServer:
 
     async def drop(self, layout: str) -> None:
         """End the workers that have the models of a layout. Only for a layout whose models were added on their own."""
-        names = {name for name in self._pool_of if name[0] == layout}
-        ended = {worker for name in names for worker in self._pool_of.pop(name)}
+        ended: set[SupervisedWorker] = set()
+        for pools in (self._agents, self._predictors):
+            for name in [name for name in pools if name[0] == layout]:
+                ended.update(pools.pop(name))
         self._pool = [worker for worker in self._pool if worker not in ended]
-        self._agents, self._predictors = self._agents - names, self._predictors - names
+        self._routes.clear()
         await asyncio.gather(*(worker.close() for worker in ended))
 
     def _pool_for(self, load: Load, ahead: Launched | None = None) -> list[SupervisedWorker]:
@@ -119,9 +120,8 @@ class ModelServer:
     def _take_in(self, load: Load, pool: list[SupervisedWorker]) -> None:
         """From now on these workers answer about these models."""
         self._pool += pool
-        self._pool_of |= dict.fromkeys((*load.agents, *load.predictors), pool)
-        self._agents |= set(load.agents)
-        self._predictors |= set(load.predictors)
+        self._agents |= dict.fromkeys(load.agents, pool)
+        self._predictors |= dict.fromkeys(load.predictors, pool)
         self._routes.clear()
 
     async def close(self) -> None:
@@ -203,9 +203,9 @@ class ModelServer:
         """Return the pool of each model that is asked; one part for both where they share a pool."""
         pools: list[_Part] = []
         if agent is not None and (layout, agent) in self._agents:
-            pools.append((self._pool_of[layout, agent], agent, None))
+            pools.append((self._agents[layout, agent], agent, None))
         if predictor is not None and (layout, predictor) in self._predictors:
-            pool = self._pool_of[layout, predictor]
+            pool = self._predictors[layout, predictor]
             if pools and pools[0][0] is pool:
                 return [(pool, agent, predictor)]
             pools.append((pool, None, predictor))

@@ -44,6 +44,7 @@ from overcooked.constants import HORIZON, PLAYERS
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.state import Kitchens
 
+AGENT, PREDICTOR = "agent", "predictor"
 Loading = TypeVar("Loading")
 
 
@@ -79,7 +80,7 @@ class Worker:
         self._agents: dict[Name, tuple[Policy, Mode]] = {}
         self._predictors: dict[Name, tuple[Predictor, Slots]] = {}
         self._layouts: dict[str, Layout] = {}
-        self._breakers: dict[Name, Breaker] = {}
+        self._breakers: dict[tuple[Name, str], Breaker] = {}  # of an agent and of a predictor of the same name
         self._grids, self._files, self._wanted = load.grids, load.files, load.hashes
         self.hashes: dict[str, str] = {}
         make_importable(load.folders)
@@ -102,7 +103,7 @@ class Worker:
         policy, mode = load_agent(file, layout)
         for observations in _start_states(layout):
             checked_probabilities(policy.probabilities(observations), len(observations))
-        self._breakers[name] = Breaker()
+        self._breakers[name, AGENT] = Breaker()
         return policy, mode
 
     def _check_files(self, name: Name, file: str, layout: Layout) -> None:
@@ -122,7 +123,7 @@ class Worker:
             nothing = np.full((len(slots), 2), -1, np.int8)
             checked_predictions(predictor.predict(slots, observations, nothing), len(slots))
             checked_intentions(predictor, slots, observations, nothing)
-        self._breakers[name] = Breaker()
+        self._breakers[name, PREDICTOR] = Breaker()
         return predictor
 
     def forget(self, keys: list[str]) -> None:
@@ -140,17 +141,19 @@ class Worker:
         found = AnswerArrays.unanswered(len(rows))
         faults: list[ModelFault] = []
         for agent, chosen in _by_model([row.agent for row in rows]):
-            with self._watched((ask.layout, agent), faults) as may_answer:
+            name = ask.layout, agent
+            with _Watched(name, self._breakers[name, AGENT], faults) as may_answer:
                 if may_answer:
                     found.action_distributions[chosen], found.acted[chosen] = self._act(
-                        (ask.layout, agent), [rows[k] for k in chosen], observations[states[chosen]]
+                        name, [rows[k] for k in chosen], observations[states[chosen]]
                     )
-        for name, known in _by_model([row.predictor for row in rows]):
-            chosen = self._follow((ask.layout, name), rows, known)
-            with self._watched((ask.layout, name), faults) as may_answer:
+        for predictor, known in _by_model([row.predictor for row in rows]):
+            name = ask.layout, predictor
+            chosen = self._follow(name, rows, known)
+            with _Watched(name, self._breakers[name, PREDICTOR], faults) as may_answer:
                 if may_answer and len(chosen):
                     found.predictions[chosen], found.intentions[chosen] = self._predict(
-                        (ask.layout, name), [rows[k] for k in chosen], states[chosen], observations, actions
+                        name, [rows[k] for k in chosen], states[chosen], observations, actions
                     )
                     found.predicted[chosen] = 1
         return found.packed(ask.id, (time.perf_counter() - started) * 1000, faults)
@@ -174,9 +177,6 @@ class Worker:
         reached = self._predictors[name][1].reached
         follows = [rows[k].fresh or reached.get(rows[k].key) == rows[k].timestep - rows[k].states for k in chosen]
         return chosen[follows]
-
-    def _watched(self, name: Name, faults: list[ModelFault]) -> "_Watched":
-        return _Watched(name, self._breakers[name], faults)
 
     def _act(self, name: Name, rows: list[Row], observations: Observations) -> tuple[Probabilities, NDArray[np.int8]]:
         policy, mode = self._agents[name]

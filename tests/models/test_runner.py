@@ -290,6 +290,19 @@ async def test_added_models_answer_together_with_the_earlier_ones(serving):
     assert len(server.worker_pids()) == 2
 
 
+@pytest.mark.parametrize("first", ["agent", "predictor"])
+async def test_an_agent_and_a_predictor_of_one_name_may_be_added_one_after_the_other(serving, first):
+    name = [(LAYOUT, "random")]
+    server = await serving(**{f"{first}s": ["random"]})
+    await server.add(*((name, []) if first == "predictor" else ([], name)), {}, ModelPaths())
+    game = AskedGame("a")
+    for _ in range(2):
+        (decision,) = await server.ask([game.play().question("random", "random", uniform=0.99)], PATIENT_MS)
+        assert decision.action == 5
+        assert len(decision.prediction) == 3
+    assert server.statistics().restarts == 0
+
+
 async def test_two_kitchens_of_one_name_have_models_of_their_own_until_one_is_dropped(serving):
     server = await serving([NORTHWARD])
     apart = f"{LAYOUT}#another"  # called as the bundled one, with the grid of another
