@@ -297,6 +297,9 @@ def test_agent_check_refuses_what_does_not_fit(capsys):
     status, _, err = checked(capsys, "tests.support.foreign_models:BrokenAfterWarming")
     assert status == 1
     assert "gave NaN, infinite or negative probabilities" in err
+    status, _, err = checked(capsys, "tests.support.foreign_models:Overconfident", "--predictor")
+    assert status == 1
+    assert "gave an intention whose probability is not between 0 and 1" in err
     status, _, err = checked(capsys, "planner", "--deadline-ms", "0.0001")
     assert status == 1
     assert "is too slow" in err

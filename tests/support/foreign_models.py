@@ -105,6 +105,13 @@ class Planning(Remembering):
         return answer
 
 
+class Overconfident(Remembering):
+    """Its actions can be used, its intentions cannot."""
+
+    def intentions(self, slots, observations, last_actions):
+        return np.full((len(slots), INTENTIONS), np.array((0, -1, -1, 0, 2.0), INTENTION))
+
+
 class Slotted:
     """Predicts the action whose number is that of the game's slot, and NaN where a soup lies somewhere (plane 21)."""
 
