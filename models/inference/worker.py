@@ -22,8 +22,14 @@ from models.agents.predictors import load_predictor
 from models.inference import attention
 from models.inference.answer_arrays import AnswerArrays
 from models.inference.batches import joined, parted, together
-from models.inference.checked_output import checked_intentions, checked_predictions, checked_probabilities
+from models.inference.checked_output import (
+    checked_intentions,
+    checked_predictions,
+    checked_probabilities,
+    usable_rows,
+)
 from models.inference.circuit_breaker import Breaker
+from models.inference.watched_call import WatchedCall, some_unusable
 from models.inference.wire import (
     APART,
     Answer,
@@ -39,8 +45,18 @@ from models.inference.wire import (
     frame,
     from_server,
 )
-from models.protocols import HISTORY, Intentions, Mode, Observations, Policy, Predictions, Predictor, Probabilities
-from overcooked.constants import HORIZON, PLAYERS
+from models.protocols import (
+    HISTORY,
+    STEPS,
+    Intentions,
+    Mode,
+    Observations,
+    Policy,
+    Predictions,
+    Predictor,
+    Probabilities,
+)
+from overcooked.constants import ACTIONS, HORIZON, PLAYERS
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.state import Kitchens
 
@@ -142,20 +158,22 @@ class Worker:
         faults: list[ModelFault] = []
         for agent, chosen in _by_model([row.agent for row in rows]):
             name = ask.layout, agent
-            with _Watched(name, self._breakers[name, AGENT], faults) as may_answer:
+            with WatchedCall(name, self._breakers[name, AGENT], faults) as may_answer:
                 if may_answer:
                     found.action_distributions[chosen], found.acted[chosen] = self._act(
                         name, [rows[k] for k in chosen], observations[states[chosen]]
                     )
+                    faults += some_unusable(name, found.acted[chosen] >= 0)
         for predictor, known in _by_model([row.predictor for row in rows]):
             name = ask.layout, predictor
             chosen = self._follow(name, rows, known)
-            with _Watched(name, self._breakers[name, PREDICTOR], faults) as may_answer:
+            with WatchedCall(name, self._breakers[name, PREDICTOR], faults) as may_answer:
                 if may_answer and len(chosen):
-                    found.predictions[chosen], found.intentions[chosen] = self._predict(
+                    found.predictions[chosen], found.intentions[chosen], usable = self._predict(
                         name, [rows[k] for k in chosen], states[chosen], observations, actions
                     )
-                    found.predicted[chosen] = 1
+                    found.predicted[chosen] = usable
+                    faults += some_unusable(name, usable)
         return found.packed(ask.id, (time.perf_counter() - started) * 1000, faults)
 
     def _observations(self, ask: ModelRequest) -> Observations:
@@ -180,9 +198,10 @@ class Worker:
 
     def _act(self, name: Name, rows: list[Row], observations: Observations) -> tuple[Probabilities, NDArray[np.int8]]:
         policy, mode = self._agents[name]
-        probabilities = checked_probabilities(policy.probabilities(observations), len(rows))
+        probabilities, usable = usable_rows(policy.probabilities(observations), (len(rows), ACTIONS))
         action_distribution = distribution(probabilities, np.array([row.stuck for row in rows]), mode)
-        return action_distribution, draw(action_distribution, np.array([row.uniform for row in rows]))
+        actions = draw(action_distribution, np.array([row.uniform for row in rows]))
+        return action_distribution, np.where(usable, actions, np.int8(-1))
 
     def _predict(
         self,
@@ -191,8 +210,9 @@ class Worker:
         newest: NDArray[np.intp],
         observations: Observations,
         actions: NDArray[np.int8],
-    ) -> tuple[Predictions, Intentions]:
-        """Bring every row's game up to its newest state, one timestep at a time, all rows together."""
+    ) -> tuple[Predictions, Intentions, NDArray[np.bool_]]:
+        """Bring every row's game up to its newest state, one timestep at a time, all rows together. Return also whose
+        answers can be used."""
         predictor, games = self._predictors[name]
         slots = np.array([games.slot(row.key) for row in rows], np.intp)
         lengths = np.array([row.states for row in rows])
@@ -205,32 +225,10 @@ class Worker:
             reached = lengths > back
             state = newest[reached] - back
             answer = predictor.predict(slots[reached], observations[state], actions[state])
-        checked = checked_predictions(answer, len(rows))
+        checked, usable = usable_rows(answer, (len(rows), STEPS, ACTIONS))
         intentions = checked_intentions(predictor, slots, observations[newest], actions[newest])
-        games.reached.update((row.key, row.timestep) for row in rows)
-        return checked, intentions
-
-
-class _Watched:
-    """Guard one call of a model: an exception becomes a fault and counts for its circuit breaker."""
-
-    def __init__(self, name: Name, breaker: Breaker, faults: list[ModelFault]) -> None:
-        self._name, self._breaker, self._faults = name, breaker, faults
-
-    def __enter__(self) -> bool:
-        """Return whether the model is to be asked."""
-        self._asked = self._breaker.closed
-        return self._asked
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> bool:
-        if not self._asked:
-            self._faults.append(ModelFault("/".join(self._name), "resting after repeated faults"))
-        elif error is None:
-            self._breaker.worked()
-        elif isinstance(error, Exception):
-            self._breaker.failed()
-            self._faults.append(ModelFault("/".join(self._name), f"{type(error).__name__}: {error}"))
-        return isinstance(error, Exception)
+        games.reached.update((row.key, row.timestep) for row, is_usable in zip(rows, usable, strict=True) if is_usable)
+        return checked, intentions, usable
 
 
 def _refusing(load: Callable[[Name], Loading], name: Name) -> Loading:

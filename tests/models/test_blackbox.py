@@ -17,6 +17,7 @@ import kitchenmind
 from models.agents import http_agent
 from models.agents.blackbox import BlackBoxError, load_foreign_agent, load_foreign_predictor
 from models.agents.catalogue import agent_sha256
+from models.agents.onnx_models import _softmax_if_needed
 from models.agents.onnx_weights import external_files
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
@@ -346,6 +347,12 @@ def test_an_onnx_agent_with_a_fixed_batch_size_is_called_in_parts(size, tmp_path
     for games in (1, 2, 3):
         expected = softmax(STATES[:games].reshape(games, -1).astype(np.float32) @ weights)
         assert np.allclose(policy.probabilities(STATES[:games]), expected, atol=1e-4)
+
+
+def test_nan_of_one_game_does_not_change_how_the_answers_about_others_are_read():
+    probabilities = np.array([[0.5, 0.5, 0, 0, 0, 0], [np.nan] * 6], np.float32)
+    assert _softmax_if_needed(probabilities)[0].tolist() == [0.5, 0.5, 0, 0, 0, 0]
+    assert _softmax_if_needed(probabilities * 3)[0, 0] < 0.5, "these are logits"
 
 
 def test_an_onnx_predictor_for_one_game_watches_several(tmp_path):

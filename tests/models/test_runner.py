@@ -270,6 +270,21 @@ async def test_nan_is_not_an_answer_and_is_counted(serving):
     assert sum(count for fault, count in counted.items() if "resting" in fault) == 3
 
 
+async def test_nan_in_one_game_costs_no_other_game_its_answer(serving):
+    agent, predictor = "tests.support.foreign_models:SometimesNan", SLOTTED
+    server = await serving([agent], [predictor])
+    good, bad = AskedGame("a"), AskedGame("b")
+    bad.states[-1].contents[0, 0, 0] = SOUP  # on the counter in the corner
+    for _ in range(8):  # more than the faults after which a model rests
+        asked = [game.question(agent, predictor, uniform=0.99) for game in (good, bad)]
+        answered, unanswered = await server.ask(asked, PATIENT_MS)
+        assert (answered.action, len(answered.prediction), unanswered) == (5, 3, None)
+        for game in (good, bad):
+            game.play()
+        bad.states[-1].contents[0, 0, 0] = SOUP
+    assert sum(server.statistics().faults.values()) == 16
+
+
 async def test_a_model_that_does_not_fit_is_refused_before_anything_is_served(serving):
     with pytest.raises(ModelsDown, match=r"WrongShape cannot be used on coordination_ring: .*shape \(1, 3\)"):
         await serving(["tests.support.foreign_models:WrongShape"])

@@ -45,6 +45,15 @@ class BrokenAfterWarming(EvenHanded):
         return answer if self.calls <= 2 else answer * np.nan
 
 
+class SometimesNan(EvenHanded):
+    """NaN for the states in which a soup lies somewhere (plane 21)."""
+
+    def probabilities(self, observations):
+        answer = super().probabilities(observations)
+        answer[(observations[..., 21] > 0).any((1, 2))] = np.nan
+        return answer
+
+
 class WrongShape(EvenHanded):
     def probabilities(self, observations):
         return super().probabilities(observations)[:, :3]
