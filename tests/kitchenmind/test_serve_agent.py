@@ -56,6 +56,13 @@ class Failing(NorthAgent):
         raise RuntimeError("out of ideas")
 
 
+class NanForTheFirst(NorthAgent):
+    def probabilities(self, observations: Observations) -> Probabilities:
+        answer = super().probabilities(observations)
+        answer[0] = np.nan
+        return answer
+
+
 @pytest.fixture
 def northward() -> Iterator[AgentServer]:
     with kitchenmind.serve_agent(NorthAgent, port=0) as serving:
@@ -164,6 +171,13 @@ def test_an_agent_that_fails_reports_it_and_continues_to_serve(capfd: pytest.Cap
         with closing(HttpAgent(serving.url, RING)) as agent, said:
             agent.probabilities(Kitchens.start(RING).encode()[:, 0].copy())
     assert "RuntimeError: out of ideas" in capfd.readouterr().err
+
+
+def test_an_agent_without_an_answer_for_one_game_answers_about_the_others(capfd: pytest.CaptureFixture[str]) -> None:
+    seen = Kitchens.start(RING, 2).encode()[:, 0].copy()
+    with kitchenmind.serve_agent(NanForTheFirst, port=0) as serving, closing(HttpAgent(serving.url, RING)) as agent:
+        assert agent.probabilities(seen).tolist() == [[0] * 6, [1, 0, 0, 0, 0, 0]]
+    assert "the agent gave no probabilities for some of its games" in capfd.readouterr().err
 
 
 def test_what_cannot_be_served_exits_with_2_and_the_reason() -> None:
