@@ -7,6 +7,7 @@ manifest. The split is by partner agent (all its skill levels together), never b
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -94,6 +95,7 @@ def collect(
 ) -> Path:
     """Write one shard per partner and the manifest to `folder`; existing shards of the same partners and settings stay.
     Returns the manifest's path. Raises ValueError if `folder` holds other games."""
+    _refuse_two_of_one_name(partner.name for partner in partners)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / MANIFEST
     head = {
@@ -217,6 +219,13 @@ def _partner_distribution(
         return distribution(probabilities, stuck.counts, partner.mode)
     greedy = distribution(probabilities, stuck.counts, GREEDY)
     return np.where(decided[:, None], greedy, distribution(probabilities, stuck.counts, SAMPLED))
+
+
+def _refuse_two_of_one_name(names: Iterable[str]) -> None:
+    """Raise ValueError if the games of one partner would be taken for those of another."""
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"two partners are called {twice[0]!r}. Rename the file or folder of one of them.")
 
 
 def _known_shards(path: Path, head: dict[str, Any], partners: Mapping[str, str]) -> dict[str, Any]:

@@ -73,6 +73,8 @@ def load_partner_folder(folder: Path, layout: Layout) -> list[Partner]:
     partners = []
     files = [config.parent for config in folder.glob("**/config.json") if _is_agent(config)]
     for place in sorted([*files, *folder.glob("**/*.onnx")]):
+        if any(part.startswith(".") for part in place.relative_to(folder).parts):
+            continue  # a checkpoint that was being written when its command was killed
         inside = place.absolute().relative_to(folder.absolute().parent)  # beginning with the folder's own name
         parts = inside.parts[1:] or inside.parts
         name = re.sub(r"[^A-Za-z0-9]+", "_", "_".join(parts).removesuffix(".onnx")).strip("_")

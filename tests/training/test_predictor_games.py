@@ -152,6 +152,18 @@ def test_games_with_another_agent_of_the_same_name_are_not_mixed_in(tmp_path):
         save_agent(folders[0], build_network(config, RING), config, RING, Mode(), "A card.", agent="anna")
 
 
+def test_two_partners_of_one_name_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="two partners are called 'sp_1'"):
+        collect(tmp_path, RING, planner(), [uniform(name) for name in ("sp_1", "sp_2", "sp_3", "sp_1")], SMALL)
+
+
+def test_what_an_interrupted_command_left_behind_is_not_a_partner(tmp_path):
+    config = NetworkConfig(hidden=(4,))
+    for name in ("anna", "berta", "cleo", ".anna.new-123"):
+        save_agent(tmp_path / name, build_network(config, RING), config, RING, Mode(), "A card.", agent=name)
+    assert [partner.name for partner in load_partner_folder(tmp_path, RING)] == ["anna", "berta", "cleo"]
+
+
 def test_games_of_another_plan_are_not_mixed_in(tmp_path):
     partners = [uniform(f"sp_{k}") for k in range(3)]
     collect(tmp_path, RING, planner(), partners, SMALL)
