@@ -64,6 +64,7 @@ class ModelServer:
         self._predictors: dict[Name, list[SupervisedWorker]] = {}  # `random` is an agent and a predictor
         self._routes: dict[tuple[str, str | None, str | None], list[_Part]] = {}  # by layout, agent, predictor
         self._seats: dict[str, set[int]] = {}
+        self._adding = asyncio.Lock()  # two that want the same models must not both load them
         self._late = 0
         self._faults: Counter[str] = Counter()
         self._times: deque[float] = deque(maxlen=_KEPT_TIMES)
@@ -87,6 +88,12 @@ class ModelServer:
     ) -> None:
         """Load what is not loaded yet, in separate workers, while the others continue to answer. Raises ModelsDown;
         then nothing has changed."""
+        async with self._adding:
+            await self._add(agents, predictors, grids, paths)
+
+    async def _add(
+        self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
+    ) -> None:
         new = [name for name in agents if name not in self._agents]
         watching = [name for name in predictors if name not in self._predictors]
         made = [(load, self._pool_for(load)) for load in _loads(new, watching, grids, paths)]

@@ -305,6 +305,12 @@ async def test_added_models_answer_together_with_the_earlier_ones(serving):
     assert len(server.worker_pids()) == 2
 
 
+async def test_models_that_two_ask_for_at_the_same_time_are_loaded_once(serving):
+    server = await serving([NORTHWARD])
+    await asyncio.gather(*(server.add([(LAYOUT, "stay")], [], {}, ModelPaths()) for _ in range(2)))
+    assert len(server.worker_pids()) == 2
+
+
 @pytest.mark.parametrize("first", ["agent", "predictor"])
 async def test_an_agent_and_a_predictor_of_one_name_may_be_added_one_after_the_other(serving, first):
     name = [(LAYOUT, "random")]
