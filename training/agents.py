@@ -119,6 +119,7 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
     partners = settings["partners"]
     how = f"best response to {len(partners)} partners (fictitious co-play)" if partners else "self-play"
     config = AgentConfig().changed(settings["config"], str(folder.path))
+    used_a_gpu = not all(device.startswith(("cpu", "unknown")) for device in folder.compute().split("; "))
     lines = [
         f"# {name}: an agent for {settings['layout']}",
         "",
@@ -132,7 +133,7 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         "|---|---|",
         *(f"| {key.replace('_', ' ')} | {_written(value)} |" for key, value in facts.items()),
         f"| environment timesteps of the run | {config.total_timesteps:,} |",
-        f"| training time, one core | {folder.seconds():.0f} s |",
+        f"| training time{'' if used_a_gpu else ', one core'} | {folder.seconds():.0f} s |",
         f"| computed with | {folder.compute()} |",
         f"| code revision | {folder.revision} |",
         f"| settings other than the defaults | {config.differences() or 'none'} |",

@@ -47,10 +47,10 @@ def keep_strong(layout: Layout) -> None:
     for agent in KINDS:
         if (here / strong(agent)).exists() or not (here / agent).is_dir():
             continue
-        (here / agent).rename(here / strong(agent))
         for folder in sorted(here.glob(f"{agent}_predictor_*")):
             kept = folder.rename(here / folder.name.replace(agent, strong(agent), 1))
             say_whose(kept, agent, strong(agent))
+        (here / agent).rename(here / strong(agent))  # last: as long as it is there, the next command continues here
 
 
 def say_whose(predictor: Path, agent: str, name: str) -> None:

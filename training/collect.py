@@ -7,7 +7,8 @@ manifest. The split is by partner agent (all its skill levels together), never b
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -39,13 +40,14 @@ class Target:
 @dataclass(frozen=True)
 class Partner:
     """A partner of the target. The split keeps partners of the same `agent` together; `mode` None: deterministic and
-    sampling."""
+    sampling. `sha256` identifies the agent, as its name may later mean another one."""
 
     name: str
     agent: str
     kind: str  # sp, fcp, self, or extra (only ever trained on)
     policy: Policy
     mode: Mode | None = None
+    sha256: str = ""
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,9 @@ def collect(
     plan: CollectionPlan,
     report: Report | None = None,
 ) -> Path:
-    """Write one shard per partner and the manifest to `folder`; existing shards of the same settings stay. Returns the
-    manifest's path. Raises ValueError if `folder` holds other games."""
+    """Write one shard per partner and the manifest to `folder`; existing shards of the same partners and settings stay.
+    Returns the manifest's path. Raises ValueError if `folder` holds other games."""
+    _refuse_two_of_one_name(partner.name for partner in partners)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / MANIFEST
     head = {
@@ -102,7 +105,8 @@ def collect(
         "target": {"name": target.name, "sha256": target.sha256, "mode": asdict(target.mode)},
         "plan": asdict(plan),
     }
-    done = _known_shards(path, head)
+    known = {partner.name: partner.sha256 for partner in partners}
+    done = _known_shards(path, head, known)
     split = split_by_agent(partners)
     for number, partner in enumerate(partners):
         file = folder / f"{partner.name}.safetensors"
@@ -111,10 +115,10 @@ def collect(
         done[partner.name] = {
             "agent": partner.agent, "kind": partner.kind, "split": split[partner.agent], "sha256": _digest(file)
         }  # fmt: skip
-        _write(path, {**head, "shards": done})
+        _write(path, {**head, "partners": {name: known[name] for name in done}, "shards": done})
         if report:
             report((number + 1) / len(partners))
-    _write(path, {**head, "shards": {partner.name: done[partner.name] for partner in partners}})
+    _write(path, {**head, "partners": known, "shards": {name: done[name] for name in known}})
     return path
 
 
@@ -147,6 +151,13 @@ def read_shard(folder: Path, name: str, sha256: str) -> Shard:
     if _digest(file) != sha256:
         raise ValueError(f"{file}: is missing or was changed. Remove it and collect again.")
     return load_file(file)
+
+
+def whole_episodes(shard: Shard) -> Shard:
+    """Return the games without the timesteps of a last episode that they do not finish."""
+    timesteps = shard["timestep"].shape[1]
+    whole = timesteps - timesteps % min(HORIZON, timesteps)
+    return {name: values if name == "seat" else values[:, :whole] for name, values in shard.items()}
 
 
 def games_with(layout: Layout, target: Target, partner: Partner, plan: CollectionPlan) -> Shard:
@@ -210,14 +221,23 @@ def _partner_distribution(
     return np.where(decided[:, None], greedy, distribution(probabilities, stuck.counts, SAMPLED))
 
 
-def _known_shards(path: Path, head: dict[str, Any]) -> dict[str, Any]:
+def _refuse_two_of_one_name(names: Iterable[str]) -> None:
+    """Raise ValueError if the games of one partner would be taken for those of another."""
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"two partners are called {twice[0]!r}. Rename the file or folder of one of them.")
+
+
+def _known_shards(path: Path, head: dict[str, Any], partners: Mapping[str, str]) -> dict[str, Any]:
+    """Return the shards that are there already with these partners: name -> SHA-256 of the agent."""
     if not path.is_file():
         return {}
     known = json.loads(path.read_text(encoding="utf-8"))
     shards: dict[str, Any] = known.pop("shards")
+    met: dict[str, str] = known.pop("partners", {})  # games of an earlier version do not say with whom they are
     if known != json.loads(json.dumps(head)):
         raise ValueError(f"{path.parent}: holds games of another target or plan. Remove it or give another --out.")
-    return shards
+    return {name: facts for name, facts in shards.items() if name in partners and met.get(name) == partners[name]}
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from models.networks.checkpoint import load_checkpoint, save_checkpoint
-from models.networks.predictor import PredictorNetwork, predictor_network
+from models.networks.predictor import predictor_network
 from models.networks.stored_tensors import restored, stored
-from overcooked.layout import Layout
 from training import publish_intentions, publish_predictor
-from training.collect import TRAIN, CollectionPlan, Target
+from training.collect import TRAIN, CollectionPlan
 from training.evaluate_predictor import evaluate
-from training.population import load_target
-from training.publish_predictor import HOW, partners_in, population_folder, unseen_games, unseen_partners
+from training.population import load_target, partners_of
+from training.publish_predictor import HOW, MET, games_of, partners_in, population_folder, unseen_partners
 
 BITS: Final = 8
 
@@ -29,13 +28,19 @@ class Compacted:
 
 
 def compact(
-    folder: Path, out: Path, plan: CollectionPlan, agent: str | None = None, population: Path | None = None
+    folder: Path,
+    out: Path,
+    plan: CollectionPlan,
+    agent: str | None = None,
+    population: Path | None = None,
+    partners: Path | None = None,
 ) -> Compacted:
     """Write the predictor in `folder` to `out` (which may be the same) with 8 bits for each weight of its matrices.
 
     Accuracy and intentions in config and card are measured again, with the weights as stored, in games with the test
-    partners of `population` (default: the bundled ones). `agent`: the predicted agent as `kitchenmind collect` took
-    it (default: the name in the config). Raises ValueError if it is another agent, or is stored so already.
+    partners of `population` (default: the bundled ones), or of any folder of agents, `partners`. `agent`: the predicted
+    agent as `kitchenmind collect` took it (default: the name in the config). Raises ValueError if it is another agent,
+    or is stored so already.
     """
     checkpoint = load_checkpoint(folder)
     if checkpoint.bits == BITS:
@@ -44,8 +49,9 @@ def compact(
     target = load_target(agent or str(checkpoint.config["agent"]), layout)
     if target.sha256 != checkpoint.config["agent_sha256"]:
         raise ValueError(f"{folder}: predicts another agent than {target.name}. Say which: --agent.")
-    partners = population or population_folder(layout)
-    games = unseen_games(layout, target, network, partners, plan)
+    everybody = partners_of(partners, population or population_folder(layout), layout)
+    others = unseen_partners(layout, everybody, met=checkpoint.config.get(MET, ()))
+    games = games_of(layout, target, others, network, plan)
     before, size = evaluate(network, games).accuracy.mean, _size(folder)
     rounded = replace(checkpoint, tensors=restored(stored(checkpoint.tensors, BITS)))
     network, _ = predictor_network(rounded)
@@ -53,20 +59,14 @@ def compact(
     config = {**checkpoint.config, **publish_predictor.measured_facts(result, layout, target, network.config.form)}
     lines = {publish_predictor.FIGURES: publish_predictor.figures(result)}
     if network.intentions is not None:
-        measured = _intentions(network, layout, target, partners, plan)
+        known = partners_in(TRAIN, layout, everybody)
+        measured = publish_intentions.measured_intentions(network, layout, target, others, known, plan)
         with_baseline(measured, checkpoint.config["measured_intentions"])
         config["measured_intentions"] = measured
         lines[publish_intentions.HEADING] = publish_intentions.figures(measured)
     line = f"| stored with | {BITS} bits for each weight of a matrix; mean accuracy before: {100 * before:.2f} % |"
     save_checkpoint(out, config, rounded.tensors, _card(checkpoint.card, lines, line), BITS)
     return Compacted(before, result.accuracy.mean, size, _size(out))
-
-
-def _intentions(
-    network: PredictorNetwork, layout: Layout, target: Target, population: Path, plan: CollectionPlan
-) -> dict[str, Any]:
-    others, known = unseen_partners(layout, population), partners_in(TRAIN, layout, population)
-    return publish_intentions.measured_intentions(network, layout, target, others, known, plan)
 
 
 def with_baseline(measured: dict[str, Any], earlier: Mapping[str, Any]) -> None:

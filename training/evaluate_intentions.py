@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from models.networks.predictor import PredictorNetwork
 from overcooked.interactions import possible_interactions
 from overcooked.layout import Layout
-from training.collect import Shard
+from training.collect import Shard, whole_episodes
 from training.dataset import episodes_of
 from training.evaluate_predictor import calibration_error, over_all_states
 from training.intention_baselines import FrequentNext, nearest_sensible
@@ -48,6 +48,7 @@ def predicted_intentions(
 
 
 def _of_shard(network: PredictorNetwork, shard: Shard, layout: Layout, frequent: FrequentNext) -> EvaluatedIntentions:
+    shard = whole_episodes(shard)
     labels = labels_of(shard, layout)
     tokens = over_all_states(network, episodes_of(shard, layout, network.encoder), network.tokens_of_all_layers)
     known = labels.classes != UNKNOWN

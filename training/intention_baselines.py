@@ -14,7 +14,7 @@ from overcooked.constants import COOKING, DISH, HELD, NOTHING, ONION, PLAYERS, R
 from overcooked.interactions import NO_INTERACTION, InteractionKind, PossibleInteraction, possible_interactions
 from overcooked.layout import Layout
 from overcooked.state import Kitchens
-from training.collect import Shard
+from training.collect import Shard, whole_episodes
 from training.intention_labels import UNKNOWN, labels_of
 
 _POT_STATES: Final = COOKING + 2  # 0-3 onions, cooking, ready
@@ -63,7 +63,7 @@ class FrequentNext:
     def __init__(self, shards: Sequence[Shard], layout: Layout) -> None:
         self._layout = layout
         keys, classes = [], []
-        for shard in shards:
+        for shard in map(whole_episodes, shards):
             labels = labels_of(shard, layout).classes
             known = labels != UNKNOWN
             keys.append(self._keys(shard).reshape(labels.shape)[known])

@@ -59,7 +59,8 @@ def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Part
             raise CheckpointError(f"{config.parent}: is for {trained_on.name}, not {layout.name}. Give another folder.")
         agent = f"{member['kind']}_{member['seed']}"
         policy = NetworkPolicy(network, collecting_device())
-        partners.append(Partner(f"{agent}_{member['skill']}", agent, member["kind"], policy))
+        name = f"{agent}_{member['skill']}"
+        partners.append(Partner(name, agent, member["kind"], policy, sha256=checkpoint.sha256))
     if not partners:
         raise CheckpointError(f"{', '.join(map(str, folders))}: no population is there. {how_to_get_partners(layout)}")
     return sorted(partners, key=lambda partner: partner.name)
@@ -72,13 +73,16 @@ def load_partner_folder(folder: Path, layout: Layout) -> list[Partner]:
     partners = []
     files = [config.parent for config in folder.glob("**/config.json") if _is_agent(config)]
     for place in sorted([*files, *folder.glob("**/*.onnx")]):
+        if any(part.startswith(".") for part in place.relative_to(folder).parts):
+            continue  # a checkpoint that was being written when its command was killed
         inside = place.absolute().relative_to(folder.absolute().parent)  # beginning with the folder's own name
         parts = inside.parts[1:] or inside.parts
         name = re.sub(r"[^A-Za-z0-9]+", "_", "_".join(parts).removesuffix(".onnx")).strip("_")
         member = _MEMBER.match(name)
         agent = f"{member['kind']}_{member['seed']}" if member else name
         policy = CheckedPolicy(load_agent(str(place.absolute()), layout).policy, str(place))
-        partners.append(Partner(name, agent, "partner", policy))
+        sha256 = agent_sha256(str(place.absolute()), layout)
+        partners.append(Partner(name, agent, "partner", policy, sha256=sha256))
     agents = sorted({partner.agent for partner in partners})
     if len(agents) < MIN_PARTNERS:
         found = f"{len(agents)} agents ({', '.join(agents)})" if agents else "no agents"
@@ -115,7 +119,9 @@ def load_extras(folders: Mapping[str, Path], layout: Layout) -> list[Partner]:
     for name, folder in folders.items():
         policy, mode = load_agent(str(folder.resolve()), layout)
         checked = CheckedPolicy(policy, str(folder))
-        extras.append(Partner(f"extra_{name}", "extra", "extra", checked, mode if mode.temperature > 0 else None))
+        sha256 = agent_sha256(str(folder.resolve()), layout)
+        its_mode = mode if mode.temperature > 0 else None
+        extras.append(Partner(f"extra_{name}", "extra", "extra", checked, its_mode, sha256))
     return extras
 
 
@@ -125,20 +131,24 @@ def with_itself_and_extras(
     """Return the paper's 31 partners: the target itself and the population; and, if wanted, extras that are only
     trained on: noisy copies of the target, noisy agents of the training split at all their skills, the scripted
     planner, and the random agent."""
-    itself = Partner("itself", "itself", "self", target.policy)
+    itself = Partner("itself", "itself", "self", target.policy, sha256=target.sha256)
     everybody = [itself, *population]
     if not extras:
         return everybody
     split = split_by_agent(population)
+    trained_with = [partner for partner in population if split[partner.agent] == TRAIN]
     noisy = [
-        Partner(f"{name}_noise_{share:.0%}".rstrip("%"), "extra", "extra", NoisyPolicy(policy, share), SAMPLED)
-        for name, policy, shares in [
-            ("itself", target.policy, _NOISES),
-            *((partner.name, partner.policy, _NOISES[:2]) for partner in population if split[partner.agent] == TRAIN),
-        ]
+        _noisy(partner, share)
+        for partner, shares in [(itself, _NOISES), *((partner, _NOISES[:2]) for partner in trained_with)]
         for share in shares
     ]
     scripted = [
-        Partner(f"scripted_{name}", "extra", "extra", *load_agent(name, layout)) for name in ("planner", "random")
+        Partner(f"scripted_{name}", "extra", "extra", *load_agent(name, layout), agent_sha256(name, layout))
+        for name in ("planner", "random")
     ]
     return [*everybody, *noisy, *scripted]
+
+
+def _noisy(partner: Partner, share: float) -> Partner:
+    name = f"{partner.name}_noise_{share:.0%}".rstrip("%")
+    return Partner(name, "extra", "extra", NoisyPolicy(partner.policy, share), SAMPLED, partner.sha256)

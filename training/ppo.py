@@ -283,5 +283,6 @@ def _signed(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _last_reward(folder: RunFolder) -> float | None:
+    """Return the running mean, None if no episode has ended yet: a mean that began with 0 would be too low."""
     lines = folder.metrics()
-    return lines[-1]["mean_reward"] if lines else None
+    return lines[-1]["mean_reward"] if any("reward" in line for line in lines) else None

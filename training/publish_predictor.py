@@ -1,9 +1,10 @@
 """Publish a trained predictor: measure it on unseen partners and write its checkpoint folder with a card."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from models.agents.catalogue import WEIGHTS, agent_sha256, load_agent
 from models.agents.checked_policy import CheckedPolicy
@@ -18,6 +19,16 @@ from training.runlog import revision
 POPULATION = "population"
 FIGURES = "On partner agents that it never saw, in both seats, deciding and sampling (%):"
 HOW = "| how | |"
+MET: Final = "partners_met"  # a key of a predictor's config: agents of training and early stopping, see `hashes_met`
+_DIGITS: Final = 16  # of a SHA-256
+
+
+@dataclass(frozen=True)
+class HowTrained:
+    """How a predictor was trained: rows of its card, and `hashes_met` of its games."""
+
+    rows: Mapping[str, Any]
+    met: Sequence[str] = ()
 
 
 def predictor_folder(layout: Layout, agent: str, form: str) -> Path:
@@ -50,17 +61,24 @@ def unseen_games(
 ) -> Episodes:
     """Return the agent's games with the test partners of a population (a folder, or the partners themselves), or with
     one other agent in the mode of studies, played again (the same seed gives the same games)."""
-    others = unseen_partners(layout, population, partner)
-    return games_of(layout, target, others, network, plan)
+    return games_of(layout, target, unseen_partners(layout, population, partner), network, plan)
 
 
-def unseen_partners(layout: Layout, population: Path | Sequence[Partner], partner: str | None = None) -> list[Partner]:
+def unseen_partners(
+    layout: Layout, population: Path | Sequence[Partner], partner: str | None = None, met: Collection[str] = ()
+) -> list[Partner]:
     """Return the test partners of a population (a folder, or the partners themselves), or one other agent in the mode
-    of studies."""
+    of studies. `met`: agents that the predictor met in training, which are left out: a folder that has changed since is
+    split in another way. Raises ValueError if no partner is left."""
     if partner is not None:
         policy, mode = load_agent(partner, layout)
         return [Partner(partner, partner, "extra", CheckedPolicy(policy, partner), mode)]
-    return partners_in(TEST, layout, population)
+    tested = partners_in(TEST, layout, population)
+    unseen = [one for one in tested if one.sha256[:_DIGITS] not in met]
+    if not unseen:
+        names = ", ".join(one.name for one in tested)
+        raise ValueError(f"the predictor has met {names} in training. Give other agents of {layout.name}: --partners.")
+    return unseen
 
 
 def partners_in(split: str, layout: Layout, population: Path | Sequence[Partner]) -> list[Partner]:
@@ -96,18 +114,27 @@ def partners_met(manifest: Mapping[str, Any]) -> dict[str, str]:
     return {"learned with": names[TRAIN] + more, "stopped on": names[VALIDATION], "measured with": names[TEST]}
 
 
+def hashes_met(manifest: Mapping[str, Any], begun_with: Mapping[str, Any] | None = None) -> list[str]:
+    """Return which agents a predictor met in training and early stopping: the first digits of their hashes, from the
+    manifest of its games and the config of the predictor that training began with."""
+    parts, hashes = manifest["shards"], manifest.get("partners", {})
+    met = {hashes[name][:_DIGITS] for name in hashes if parts[name]["split"] != TEST and hashes[name]}
+    return sorted(met | set((begun_with or {}).get(MET, ())))
+
+
 def write_predictor(
-    folder: Path, network: PredictorNetwork, layout: Layout, target: Target, test: Episodes, how: Mapping[str, Any]
+    folder: Path, network: PredictorNetwork, layout: Layout, target: Target, test: Episodes, how: HowTrained
 ) -> Evaluation:
-    """Measure the predictor on `test` and write its checkpoint with the card; `how` joins the card. Returns what was
-    measured (with the weights as trained; they are stored as 16 bits)."""
+    """Measure the predictor on `test` and write its checkpoint with the card. Returns what was measured (with the
+    weights as trained; they are stored as 16 bits)."""
     result = evaluate(network, test)
     facts = {
         "agent_sha256": target.sha256,
+        **({MET: list(how.met)} if how.met else {}),
         **measured_facts(result, layout, target, network.config.form),
         "revision": revision(),
     }
-    save_predictor(folder, network, layout, target.name, card(network, layout, target, result, how), **facts)
+    save_predictor(folder, network, layout, target.name, card(network, layout, target, result, how.rows), **facts)
     return result
 
 

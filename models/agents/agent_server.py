@@ -20,8 +20,9 @@ from models.acting import distribution
 from models.agents.catalogue import LoadedAgent, load_agent
 from models.agents.checked_policy import CheckedPolicy, explained
 from models.agents.given_agents import GivenAgent, loader_of
-from models.inference.checked_output import checked_probabilities
+from models.inference.checked_output import usable_rows
 from models.protocols import Observations
+from overcooked.constants import ACTIONS
 from overcooked.layout import Layout, LayoutError, load_layout, parse_layout
 from overcooked.planes import PLANES
 from overcooked.state import Kitchens
@@ -40,7 +41,8 @@ class AgentQuestion(msgspec.Struct):
 
 
 class AgentAnswer(msgspec.Struct):
-    """The response: for each game the probabilities of north, south, east, west, stay and interact."""
+    """The response: for each game the probabilities of north, south, east, west, stay and interact; six zeros where
+    the agent has no answer."""
 
     probabilities: list[list[float]]
 
@@ -83,10 +85,12 @@ class AgentServer:
             raise BadQuestion(str(error)) from None
         with self._one_at_a_time:
             policy, mode = self._load(grid, question.layout)
-            given = checked_probabilities(policy.probabilities(observations), len(observations))
+            given, usable = usable_rows(policy.probabilities(observations), (len(observations), ACTIONS))
+        if not usable.all():
+            sys.stderr.write("the agent gave no probabilities for some of its games\n")
         is_as_given = mode.temperature == 1  # the game counts how long a chef is stuck; this server is stateless
         chances = given if is_as_given else distribution(given, np.zeros(len(given), np.int32), mode)
-        return msgspec.json.encode(AgentAnswer(chances.tolist()))
+        return msgspec.json.encode(AgentAnswer((chances * usable[:, None]).tolist()))
 
     def wait(self) -> None:
         """Serve until the thread ends, or Ctrl+C."""
@@ -135,6 +139,7 @@ def _handler(agents: AgentServer) -> type[BaseHTTPRequestHandler]:
     class _Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"  # keep the connection open for the next request
         timeout = 60
+        disable_nagle_algorithm = True  # otherwise the answer waits 40 ms for the client to acknowledge its headers
 
         def do_GET(self) -> None:
             self._send(HTTPStatus.OK, json.dumps(schema()).encode())

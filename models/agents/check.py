@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,12 @@ from models.agents import agent_server
 from models.agents.catalogue import UnknownAgent, load_agent
 from models.agents.checked_policy import explained
 from models.agents.predictors import UnknownPredictor, load_predictor
-from models.inference.checked_output import WrongOutput, checked_predictions, checked_probabilities
+from models.inference.checked_output import (
+    WrongOutput,
+    checked_intentions,
+    checked_predictions,
+    checked_probabilities,
+)
 from models.networks.checkpoint import CheckpointError
 from models.protocols import BlackBoxError, Mode, Observations, Policy, Predictor
 from overcooked.constants import ACTIONS, HORIZON, PLAYERS
@@ -24,6 +30,7 @@ from overcooked.layout import Layout, LayoutError, load_layout
 from overcooked.score import sparse_reward
 from overcooked.state import Kitchens
 
+Checked = TypeVar("Checked")
 DEADLINE_MS = 120.0  # of a tick, unless the study says otherwise
 # Errors of our own: they name place and remedy.
 _SAY_WHAT_TO_DO = (
@@ -120,7 +127,7 @@ def check_policy(policy: Policy, mode: Mode, layout: Layout) -> AgentFinding:
     states, _ = random_games(layout)
 
     def ask(games: int, timestep: int) -> NDArray[np.float32]:
-        answer = _fitting(checked_probabilities, policy.probabilities(states[:games, timestep].copy()), games)
+        answer = _of_chef(policy, states[:games, timestep].copy())
         return distribution(answer, np.zeros(games, np.int32), mode)
 
     return _finding(ask, states.shape[1])
@@ -134,8 +141,10 @@ def check_predictor(predictor: Predictor, layout: Layout) -> AgentFinding:
         slots = np.arange(games, dtype=np.intp)
         if timestep == 0:
             predictor.begin(slots)
-        answer = predictor.predict(slots, states[:games, timestep].copy(), actions[:games, timestep])
-        return _fitting(checked_predictions, answer, games)
+        asked = slots, states[:games, timestep].copy(), actions[:games, timestep]
+        answer = _fitting(lambda: checked_predictions(predictor.predict(*asked), games))
+        _fitting(lambda: checked_intentions(predictor, *asked))
+        return answer
 
     return _finding(ask, states.shape[1])
 
@@ -148,7 +157,7 @@ def points_with_itself(policy: Policy, mode: Mode, layout: Layout) -> int:
     points = 0
     for _ in range(HORIZON):
         seen = kitchens.encode()
-        given = [_fitting(checked_probabilities, policy.probabilities(seen[:, k].copy()), 1) for k in range(PLAYERS)]
+        given = [_of_chef(policy, seen[:, k].copy()) for k in range(PLAYERS)]
         actions = [draw(distribution(given[k], stuck[k].counts, mode), draws.random(1)) for k in range(PLAYERS)]
         kitchens.step(np.stack(actions, 1), events)
         for seat in range(PLAYERS):
@@ -191,12 +200,14 @@ def _finding(ask: Callable[[int, int], NDArray[np.float32]], timesteps: int) -> 
     return AgentFinding(float(np.median(warm)), max(warm), batch_ms, same, float(certain))
 
 
-def _fitting(
-    checked: Callable[[NDArray[np.float32], int], NDArray[np.float32]], answer: NDArray[np.float32], games: int
-) -> NDArray[np.float32]:
+def _of_chef(policy: Policy, seen: Observations) -> NDArray[np.float32]:
+    return _fitting(lambda: checked_probabilities(policy.probabilities(seen), len(seen)))
+
+
+def _fitting(checked: Callable[[], Checked]) -> Checked:
     """Return an answer that the server would accept, too. Raises NotFit."""
     try:
-        return checked(answer, games)
+        return checked()
     except WrongOutput as error:
         raise NotFit(f"it {error}. See docs/guides/bring_your_own_agent.md.") from None
 

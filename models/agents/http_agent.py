@@ -3,6 +3,7 @@
 import http.client
 import io
 import socket
+import ssl
 import time
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -71,6 +72,17 @@ class HttpAgent:
 
     def _call(self, body: bytes) -> bytes:
         deadline = time.monotonic() + TIMEOUT_S
+        is_reused = self._connection.sock is not None
+        try:
+            return self._exchange(body, deadline)
+        except (ConnectionError, ssl.SSLError):
+            if not is_reused:
+                raise
+        # Web servers close a connection that nobody uses for a while, such as between two episodes.
+        self._connection.close()
+        return self._exchange(body, deadline)
+
+    def _exchange(self, body: bytes, deadline: float) -> bytes:
         if self._connection.sock is None:
             self._connection.connect()
             plain: Any = self._connection.sock

@@ -112,7 +112,8 @@ def _session(path: str) -> Any:
 def _softmax_if_needed(given: NDArray[Any]) -> NDArray[np.float32]:
     """Return probabilities as they are; treat anything else as logits."""
     values = np.asarray(given, np.float32)
-    if (values >= 0).all() and np.allclose(values.sum(axis=-1), 1, atol=1e-3):
+    numbers = values[~np.isnan(values).any(tuple(range(1, values.ndim)))]  # NaN of one game says nothing about others
+    if len(numbers) and (numbers >= 0).all() and np.allclose(numbers.sum(axis=-1), 1, atol=1e-3):
         return values
     raised = np.exp(values - values.max(axis=-1, keepdims=True))
     return cast(NDArray[np.float32], raised / raised.sum(axis=-1, keepdims=True))

@@ -43,6 +43,23 @@ def checked_predictions(predictions: Predictions, rows: int) -> Predictions:
     return _checked_rows(given)
 
 
+def usable_rows(given: Probabilities, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return a model's output of this shape and which games (the first dimension) have probabilities; the others get
+    equal ones. Raises WrongOutput for another shape or if no game has any."""
+    given = np.asarray(given, np.float32)
+    if given.shape != shape:
+        raise WrongOutput(f"gave an array of shape {given.shape}, wanted {shape}")
+    inner = tuple(range(1, given.ndim))
+    sums = given.sum(axis=-1).reshape(len(given), -1)
+    usable = np.isfinite(given).all(inner) & (given >= 0).all(inner) & (np.abs(sums - 1) <= ROWS_SUM_TO_ONE).all(1)
+    if not usable.any():
+        _checked_rows(given)
+    if not usable.all():
+        given = given.copy()
+        given[~usable] = 1 / given.shape[-1]
+    return given, usable
+
+
 def checked_intentions(
     predictor: Predictor, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
 ) -> Intentions:

@@ -17,7 +17,7 @@ from models.inference.launch import Launched
 from models.inference.partial_answer import PartialAnswer, read_answer
 from models.inference.supervised_worker import ModelsDown, SupervisedWorker
 from models.inference.wire import APART, Answer, Load, Name, Row
-from models.protocols import Decision, Question
+from models.protocols import Decision, History, Question
 from overcooked.constants import PLAYERS
 
 __all__ = ["ModelServer", "ModelStatistics", "ModelsDown"]
@@ -60,11 +60,11 @@ class ModelServer:
         self._first = (agents, predictors, dict(grids or {}))
         self._workers, self._hang_s, self._ahead = workers, hang_s, ahead
         self._pool: list[SupervisedWorker] = []
-        self._pool_of: dict[Name, list[SupervisedWorker]] = {}  # any of them answers
-        self._agents: frozenset[Name] = frozenset()
-        self._predictors: frozenset[Name] = frozenset()
+        self._agents: dict[Name, list[SupervisedWorker]] = {}  # any of them answers
+        self._predictors: dict[Name, list[SupervisedWorker]] = {}  # `random` is an agent and a predictor
         self._routes: dict[tuple[str, str | None, str | None], list[_Part]] = {}  # by layout, agent, predictor
         self._seats: dict[str, set[int]] = {}
+        self._adding = asyncio.Lock()  # two that want the same models must not both load them
         self._late = 0
         self._faults: Counter[str] = Counter()
         self._times: deque[float] = deque(maxlen=_KEPT_TIMES)
@@ -81,13 +81,19 @@ class ModelServer:
 
     def has(self, agents: Sequence[Name], predictors: Sequence[Name]) -> bool:
         """Return whether all of these are loaded."""
-        return self._agents.issuperset(agents) and self._predictors.issuperset(predictors)
+        return self._agents.keys() >= set(agents) and self._predictors.keys() >= set(predictors)
 
     async def add(
         self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
     ) -> None:
         """Load what is not loaded yet, in separate workers, while the others continue to answer. Raises ModelsDown;
         then nothing has changed."""
+        async with self._adding:
+            await self._add(agents, predictors, grids, paths)
+
+    async def _add(
+        self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
+    ) -> None:
         new = [name for name in agents if name not in self._agents]
         watching = [name for name in predictors if name not in self._predictors]
         made = [(load, self._pool_for(load)) for load in _loads(new, watching, grids, paths)]
@@ -102,10 +108,12 @@ class ModelServer:
 
     async def drop(self, layout: str) -> None:
         """End the workers that have the models of a layout. Only for a layout whose models were added on their own."""
-        names = {name for name in self._pool_of if name[0] == layout}
-        ended = {worker for name in names for worker in self._pool_of.pop(name)}
+        ended: set[SupervisedWorker] = set()
+        for pools in (self._agents, self._predictors):
+            for name in [name for name in pools if name[0] == layout]:
+                ended.update(pools.pop(name))
         self._pool = [worker for worker in self._pool if worker not in ended]
-        self._agents, self._predictors = self._agents - names, self._predictors - names
+        self._routes.clear()
         await asyncio.gather(*(worker.close() for worker in ended))
 
     def _pool_for(self, load: Load, ahead: Launched | None = None) -> list[SupervisedWorker]:
@@ -119,9 +127,8 @@ class ModelServer:
     def _take_in(self, load: Load, pool: list[SupervisedWorker]) -> None:
         """From now on these workers answer about these models."""
         self._pool += pool
-        self._pool_of |= dict.fromkeys((*load.agents, *load.predictors), pool)
-        self._agents |= set(load.agents)
-        self._predictors |= set(load.predictors)
+        self._agents |= dict.fromkeys(load.agents, pool)
+        self._predictors |= dict.fromkeys(load.predictors, pool)
         self._routes.clear()
 
     async def close(self) -> None:
@@ -186,7 +193,8 @@ class ModelServer:
         for (worker, layout), parts in groups.items():
             chosen = [k for k, _, _ in parts]
             if worker.ready(patience_s):
-                sent.append((chosen, self._send_group(worker, layout, questions, parts)))
+                rows, histories = self._rows(worker, questions, parts)
+                sent.append((chosen, worker.ask(layout, rows, histories, patience_s)))
             else:
                 self._late += len(chosen)
         return sent
@@ -202,21 +210,21 @@ class ModelServer:
         """Return the pool of each model that is asked; one part for both where they share a pool."""
         pools: list[_Part] = []
         if agent is not None and (layout, agent) in self._agents:
-            pools.append((self._pool_of[layout, agent], agent, None))
+            pools.append((self._agents[layout, agent], agent, None))
         if predictor is not None and (layout, predictor) in self._predictors:
-            pool = self._pool_of[layout, predictor]
+            pool = self._predictors[layout, predictor]
             if pools and pools[0][0] is pool:
                 return [(pool, agent, predictor)]
             pools.append((pool, None, predictor))
         return pools
 
-    def _send_group(
+    def _rows(
         self,
         worker: SupervisedWorker,
-        layout: str,
         questions: Sequence[Question],
         parts: list[tuple[int, str | None, str | None]],
-    ) -> "asyncio.Future[Answer]":
+    ) -> tuple[list[Row], list[History]]:
+        """Return what a worker is sent about these questions; it counts as sent from now on."""
         rows, histories = [], []
         for k, agent, predictor in parts:
             question = questions[k]
@@ -242,7 +250,7 @@ class ModelServer:
             histories.append(history)
             if predictor is not None:
                 worker.saw(key, question.timestep)
-        return worker.ask(layout, rows, histories)
+        return rows, histories
 
     def _read(self, found: list[PartialAnswer], answer: Answer) -> None:
         self._times.append(answer.model_ms)

@@ -16,6 +16,7 @@ from models.protocols import History
 
 MAX_WAITING = 256  # frames a worker may owe before it is asked nothing more
 SPARE_AFTER_S = 2.0  # a server that has just started has more urgent work
+_GRACE_S = 0.5  # after its deadline, before a worker that has not answered is replaced
 log = logging.getLogger("models")
 
 
@@ -94,6 +95,7 @@ class _Waiting:
 
     answer: "asyncio.Future[Answer]"
     asked: float
+    hangs_at: float  # a worker that has not answered by then is replaced
     rows: list[Row]
 
 
@@ -103,6 +105,7 @@ class SupervisedWorker:
     """
 
     def __init__(self, load: Load, spares: int, hang_s: float, ahead: Launched | None = None) -> None:
+        """`hang_s`: it is replaced when a question waits for longer, and longer than its own deadline."""
         self._load = load
         self._ahead = ahead
         self._hang_s = hang_s
@@ -110,6 +113,7 @@ class SupervisedWorker:
         self._spares: list[asyncio.Task[WorkerProcess]] = []
         self._worker: WorkerProcess | None = None
         self._known: dict[str, int] = {}  # game key -> newest timestep that the worker has seen
+        self._held: set[str] = set()  # keys of games for which its predictors keep a state, also after a failure
         self._waiting: dict[int, _Waiting] = {}  # in the order asked
         self._ids = itertools.count()
         self._care: asyncio.Task[None] | None = None
@@ -151,21 +155,29 @@ class SupervisedWorker:
     def saw(self, key: str, timestep: int) -> None:
         """The state has been sent: the worker reads frames in order, however late it answers."""
         self._known[key] = timestep
+        self._held.add(key)
 
     def forget(self, keys: list[str]) -> None:
-        gone = [key for key in keys if self._known.pop(key, None) is not None]
+        gone = [key for key in keys if key in self._held]
+        self._held.difference_update(gone)
+        for key in gone:
+            self._known.pop(key, None)
         if gone and self._worker is not None:
             self._worker.send(Forget(gone))
 
-    def ask(self, layout: str, rows: list[Row], histories: Sequence[History]) -> "asyncio.Future[Answer]":
-        """Return the future answer. It is cancelled when the worker dies."""
+    def ask(
+        self, layout: str, rows: list[Row], histories: Sequence[History], patience_s: float
+    ) -> "asyncio.Future[Answer]":
+        """Return the future answer, which is wanted within `patience_s`. It is cancelled when the worker dies."""
         assert self._worker is not None  # noqa: S101 the caller looked at ready()
         players = b"".join([history.players for history in histories])
         contents = b"".join([history.contents for history in histories])
         actions = b"".join([history.actions for history in histories])
         question = ModelRequest(next(self._ids), layout, rows, players, contents, actions)
         answer: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
-        self._waiting[question.id] = _Waiting(answer, time.monotonic(), rows)
+        now = time.monotonic()
+        hangs_at = now + max(self._hang_s, patience_s + _GRACE_S)  # a study may allow more time than `hang_s`
+        self._waiting[question.id] = _Waiting(answer, now, hangs_at, rows)
         self._worker.send(question)
         return answer
 
@@ -206,6 +218,7 @@ class SupervisedWorker:
                 watching.cancel()
             dead, self._worker = self._worker, None
             self._known.clear()
+            self._held.clear()
             self._drop_waiting()
             await dead.end()
             self._worker = await self._replacement()
@@ -217,7 +230,7 @@ class SupervisedWorker:
         while True:
             await asyncio.sleep(self._hang_s / 5)
             oldest = next(iter(self._waiting.values()), None)
-            if oldest is not None and time.monotonic() - oldest.asked > self._hang_s:
+            if oldest is not None and time.monotonic() > oldest.hangs_at:
                 return
 
     async def _replacement(self) -> WorkerProcess:

@@ -22,8 +22,14 @@ from models.agents.predictors import load_predictor
 from models.inference import attention
 from models.inference.answer_arrays import AnswerArrays
 from models.inference.batches import joined, parted, together
-from models.inference.checked_output import checked_intentions, checked_predictions, checked_probabilities
+from models.inference.checked_output import (
+    checked_intentions,
+    checked_predictions,
+    checked_probabilities,
+    usable_rows,
+)
 from models.inference.circuit_breaker import Breaker
+from models.inference.watched_call import WatchedCall, some_unusable
 from models.inference.wire import (
     APART,
     Answer,
@@ -39,11 +45,22 @@ from models.inference.wire import (
     frame,
     from_server,
 )
-from models.protocols import HISTORY, Intentions, Mode, Observations, Policy, Predictions, Predictor, Probabilities
-from overcooked.constants import HORIZON, PLAYERS
+from models.protocols import (
+    HISTORY,
+    STEPS,
+    Intentions,
+    Mode,
+    Observations,
+    Policy,
+    Predictions,
+    Predictor,
+    Probabilities,
+)
+from overcooked.constants import ACTIONS, HORIZON, PLAYERS
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.state import Kitchens
 
+AGENT, PREDICTOR = "agent", "predictor"
 Loading = TypeVar("Loading")
 
 
@@ -79,7 +96,7 @@ class Worker:
         self._agents: dict[Name, tuple[Policy, Mode]] = {}
         self._predictors: dict[Name, tuple[Predictor, Slots]] = {}
         self._layouts: dict[str, Layout] = {}
-        self._breakers: dict[Name, Breaker] = {}
+        self._breakers: dict[tuple[Name, str], Breaker] = {}  # of an agent and of a predictor of the same name
         self._grids, self._files, self._wanted = load.grids, load.files, load.hashes
         self.hashes: dict[str, str] = {}
         make_importable(load.folders)
@@ -102,7 +119,7 @@ class Worker:
         policy, mode = load_agent(file, layout)
         for observations in _start_states(layout):
             checked_probabilities(policy.probabilities(observations), len(observations))
-        self._breakers[name] = Breaker()
+        self._breakers[name, AGENT] = Breaker()
         return policy, mode
 
     def _check_files(self, name: Name, file: str, layout: Layout) -> None:
@@ -122,7 +139,7 @@ class Worker:
             nothing = np.full((len(slots), 2), -1, np.int8)
             checked_predictions(predictor.predict(slots, observations, nothing), len(slots))
             checked_intentions(predictor, slots, observations, nothing)
-        self._breakers[name] = Breaker()
+        self._breakers[name, PREDICTOR] = Breaker()
         return predictor
 
     def forget(self, keys: list[str]) -> None:
@@ -140,19 +157,23 @@ class Worker:
         found = AnswerArrays.unanswered(len(rows))
         faults: list[ModelFault] = []
         for agent, chosen in _by_model([row.agent for row in rows]):
-            with self._watched((ask.layout, agent), faults) as may_answer:
+            name = ask.layout, agent
+            with WatchedCall(name, self._breakers[name, AGENT], faults) as may_answer:
                 if may_answer:
                     found.action_distributions[chosen], found.acted[chosen] = self._act(
-                        (ask.layout, agent), [rows[k] for k in chosen], observations[states[chosen]]
+                        name, [rows[k] for k in chosen], observations[states[chosen]]
                     )
-        for name, known in _by_model([row.predictor for row in rows]):
-            chosen = self._follow((ask.layout, name), rows, known)
-            with self._watched((ask.layout, name), faults) as may_answer:
+                    faults += some_unusable(name, found.acted[chosen] >= 0)
+        for predictor, known in _by_model([row.predictor for row in rows]):
+            name = ask.layout, predictor
+            chosen = self._follow(name, rows, known)
+            with WatchedCall(name, self._breakers[name, PREDICTOR], faults) as may_answer:
                 if may_answer and len(chosen):
-                    found.predictions[chosen], found.intentions[chosen] = self._predict(
-                        (ask.layout, name), [rows[k] for k in chosen], states[chosen], observations, actions
+                    found.predictions[chosen], found.intentions[chosen], usable = self._predict(
+                        name, [rows[k] for k in chosen], states[chosen], observations, actions
                     )
-                    found.predicted[chosen] = 1
+                    found.predicted[chosen] = usable
+                    faults += some_unusable(name, usable)
         return found.packed(ask.id, (time.perf_counter() - started) * 1000, faults)
 
     def _observations(self, ask: ModelRequest) -> Observations:
@@ -175,14 +196,12 @@ class Worker:
         follows = [rows[k].fresh or reached.get(rows[k].key) == rows[k].timestep - rows[k].states for k in chosen]
         return chosen[follows]
 
-    def _watched(self, name: Name, faults: list[ModelFault]) -> "_Watched":
-        return _Watched(name, self._breakers[name], faults)
-
     def _act(self, name: Name, rows: list[Row], observations: Observations) -> tuple[Probabilities, NDArray[np.int8]]:
         policy, mode = self._agents[name]
-        probabilities = checked_probabilities(policy.probabilities(observations), len(rows))
+        probabilities, usable = usable_rows(policy.probabilities(observations), (len(rows), ACTIONS))
         action_distribution = distribution(probabilities, np.array([row.stuck for row in rows]), mode)
-        return action_distribution, draw(action_distribution, np.array([row.uniform for row in rows]))
+        actions = draw(action_distribution, np.array([row.uniform for row in rows]))
+        return action_distribution, np.where(usable, actions, np.int8(-1))
 
     def _predict(
         self,
@@ -191,8 +210,9 @@ class Worker:
         newest: NDArray[np.intp],
         observations: Observations,
         actions: NDArray[np.int8],
-    ) -> tuple[Predictions, Intentions]:
-        """Bring every row's game up to its newest state, one timestep at a time, all rows together."""
+    ) -> tuple[Predictions, Intentions, NDArray[np.bool_]]:
+        """Bring every row's game up to its newest state, one timestep at a time, all rows together. Return also whose
+        answers can be used."""
         predictor, games = self._predictors[name]
         slots = np.array([games.slot(row.key) for row in rows], np.intp)
         lengths = np.array([row.states for row in rows])
@@ -205,32 +225,10 @@ class Worker:
             reached = lengths > back
             state = newest[reached] - back
             answer = predictor.predict(slots[reached], observations[state], actions[state])
-        checked = checked_predictions(answer, len(rows))
+        checked, usable = usable_rows(answer, (len(rows), STEPS, ACTIONS))
         intentions = checked_intentions(predictor, slots, observations[newest], actions[newest])
-        games.reached.update((row.key, row.timestep) for row in rows)
-        return checked, intentions
-
-
-class _Watched:
-    """Guard one call of a model: an exception becomes a fault and counts for its circuit breaker."""
-
-    def __init__(self, name: Name, breaker: Breaker, faults: list[ModelFault]) -> None:
-        self._name, self._breaker, self._faults = name, breaker, faults
-
-    def __enter__(self) -> bool:
-        """Return whether the model is to be asked."""
-        self._asked = self._breaker.closed
-        return self._asked
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> bool:
-        if not self._asked:
-            self._faults.append(ModelFault("/".join(self._name), "resting after repeated faults"))
-        elif error is None:
-            self._breaker.worked()
-        elif isinstance(error, Exception):
-            self._breaker.failed()
-            self._faults.append(ModelFault("/".join(self._name), f"{type(error).__name__}: {error}"))
-        return isinstance(error, Exception)
+        games.reached.update((row.key, row.timestep) for row, is_usable in zip(rows, usable, strict=True) if is_usable)
+        return checked, intentions, usable
 
 
 def _refusing(load: Callable[[Name], Loading], name: Name) -> Loading:

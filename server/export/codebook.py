@@ -186,7 +186,7 @@ TICKS = ExportTable(
         *INTENTION_COLUMNS,
         ms("scheduled_ms", "When state t was due, since state 0 was due, without pauses and their countdowns."),
         ms("late_ms", "Delay of the tick after its deadline."),
-        ms("models_ms", "Time that the models needed for state t."),
+        ms("models_ms", "Time that state t waited for the models, also for those of other games in its batch."),
         *seats(Column("key_seq", "integer", "Number of the browser's message that decided the action of timestep t.")),
         *seats(ms("key_client_ms", "Browser's clock (performance.now()) at that key.")),
         *seats(ms("key_received_ms", "Its arrival, by the clock of `scheduled_ms`; the browser's counts pauses, too.")),

@@ -6,16 +6,15 @@ A slot's batch costs one call to the models and one transaction. Errors of one g
 import asyncio
 import logging
 import math
-import time
 from collections.abc import Callable, Collection, Coroutine, Sequence
-from itertools import islice
 from typing import Any, Final
 
-from models.protocols import Decision, Models, Question
+from models.protocols import Models, Question
 from overcooked.layout import Layout
 from server.play.clock import Clock
 from server.play.game import Game
 from server.play.lateness import Lateness
+from server.play.model_answers import ask_together
 from server.play.pause_reasons import DATABASE, SERVER
 from server.play.recorder import GamesLost, Recorder, RecorderDown, TickRecord
 from server.play.session import COUNTDOWN_S, Session
@@ -171,32 +170,19 @@ class Loop:
         """Finish new states: call the models, store, and show them."""
         for game, _ in begun:
             game.busy = True
-        decisions, models_ms = await self._ask(begun)
+        grace_ms = self.clock.patience_s * 1000
+        asked = [(game.session.spec.deadline_ms + grace_ms, questions) for game, questions in begun]
+        answered = await ask_together(self._models, asked)
         made: list[tuple[Game, TickRecord]] = []
         unix_ms = self.clock.unix_ms()
-        coming = iter(decisions)
-        for game, questions in begun:
-            mine = list(islice(coming, len(questions)))
+        for (game, _), (decisions, models_ms) in zip(begun, answered, strict=True):
             try:
-                made.append((game, game.session.finish_tick(mine, models_ms, self.clock.patience_s * 1000, unix_ms)))
+                made.append((game, game.session.finish_tick(decisions, models_ms, grace_ms, unix_ms)))
             except Exception as error:  # noqa: BLE001 - as above
                 self._broken(game, error)
         self.made += len(made)
         self.waits += sum(record.late for _, record in made)
         await self._store(made)
-
-    async def _ask(self, begun: Sequence[tuple[Game, list[Question]]]) -> tuple[list[Decision | None], float]:
-        questions = [question for _, asked in begun for question in asked]
-        if not questions:
-            return [], 0.0
-        began = time.perf_counter()
-        deadline_ms = max(game.session.spec.deadline_ms for game, _ in begun) + self.clock.patience_s * 1000
-        try:
-            decisions = await self._models.ask(questions, float(deadline_ms))
-        except Exception:
-            log.exception("the models failed; %d partners wait", len(questions))
-            decisions = [None] * len(questions)
-        return decisions, (time.perf_counter() - began) * 1000
 
     async def _store(self, made: Sequence[tuple[Game, TickRecord]]) -> None:
         try:

@@ -215,11 +215,10 @@ class Session:
         grace_ms: float = 0.0,
         unix_ms: float | None = None,
     ) -> TickRecord:
-        """Return what there is to store about the state that `begin_tick` or `begin_start` made. `grace_ms`: how much
+        """Return what there is to store about the state that `begin_tick` or `begin_start` made. `decisions`: None for
+        one that did not come by the deadline. `models_ms`: how long this game and others waited. `grace_ms`: how much
         longer than in a study the models may take, where no person waits. `unix_ms`: the wall clock."""
-        models_late = models_ms > self.spec.deadline_ms + grace_ms
-        if models_late:
-            decisions = [None] * len(self._asked)
+        models_late = models_ms > self.spec.deadline_ms + grace_ms  # perhaps only those of another game
         answers = partner.answers(self._asked, decisions)
         self.next_actions, self.late = answers.next_actions, answers.late
         self.frames.decide(answers, self.over, models_late)

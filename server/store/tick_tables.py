@@ -65,7 +65,12 @@ ticks = Table(
     column("late", Boolean, meaning="The models missed the deadline: the agent waits."),
     column("scheduled_ms", Double, meaning="Deadline, since state 0 was due, without pauses.", unit="ms"),
     column("late_ms", Double, meaning="Delay of the tick after its deadline.", unit="ms"),
-    column("models_ms", Double, meaning="Time that the models needed.", unit="ms"),
+    column(
+        "models_ms",
+        Double,
+        meaning="Time that the state waited for the models, also for those of other games in its batch.",
+        unit="ms",
+    ),
     column(
         "key_seq_0", BigInteger, nullable=True, meaning="Number of the browser message that decided seat 0's action."
     ),

@@ -56,6 +56,13 @@ class Failing(NorthAgent):
         raise RuntimeError("out of ideas")
 
 
+class NanForTheFirst(NorthAgent):
+    def probabilities(self, observations: Observations) -> Probabilities:
+        answer = super().probabilities(observations)
+        answer[0] = np.nan
+        return answer
+
+
 @pytest.fixture
 def northward() -> Iterator[AgentServer]:
     with kitchenmind.serve_agent(NorthAgent, port=0) as serving:
@@ -142,6 +149,11 @@ def test_a_bad_question_is_answered_with_the_reason(
     assert httpx.post(northward.url, json=QUESTION).status_code == 200, "it answers the next one"
 
 
+def test_an_answer_does_not_wait_until_the_client_has_acknowledged_its_headers(northward: AgentServer) -> None:
+    """By Nagle's algorithm it would: 40 ms of the 120 ms that a partner has."""
+    assert northward._server.RequestHandlerClass.disable_nagle_algorithm  # type: ignore[attr-defined]
+
+
 def test_a_study_that_goes_away_leaves_no_traceback(northward: AgentServer, capfd: pytest.CaptureFixture[str]) -> None:
     host, port = httpx.URL(northward.url).host, httpx.URL(northward.url).port
     with socket.create_connection((host, port or 0)) as gone:
@@ -160,6 +172,13 @@ def test_an_agent_that_fails_reports_it_and_continues_to_serve(capfd: pytest.Cap
         with closing(HttpAgent(serving.url, RING)) as agent, said:
             agent.probabilities(Kitchens.start(RING).encode()[:, 0].copy())
     assert "RuntimeError: out of ideas" in capfd.readouterr().err
+
+
+def test_an_agent_without_an_answer_for_one_game_answers_about_the_others(capfd: pytest.CaptureFixture[str]) -> None:
+    seen = Kitchens.start(RING, 2).encode()[:, 0].copy()
+    with kitchenmind.serve_agent(NanForTheFirst, port=0) as serving, closing(HttpAgent(serving.url, RING)) as agent:
+        assert agent.probabilities(seen).tolist() == [[0] * 6, [1, 0, 0, 0, 0, 0]]
+    assert "the agent gave no probabilities for some of its games" in capfd.readouterr().err
 
 
 def test_what_cannot_be_served_exits_with_2_and_the_reason() -> None:

@@ -17,6 +17,7 @@ import kitchenmind
 from models.agents import http_agent
 from models.agents.blackbox import BlackBoxError, load_foreign_agent, load_foreign_predictor
 from models.agents.catalogue import agent_sha256
+from models.agents.onnx_models import _softmax_if_needed
 from models.agents.onnx_weights import external_files
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
@@ -244,6 +245,21 @@ def test_an_answer_on_a_connection_that_closes_is_read_whole(raw_address):
         assert policy.probabilities(STATES).argmax(1).tolist() == [2, 2, 3]
 
 
+def test_a_connection_that_the_address_closed_in_a_pause_is_opened_again(raw_address):
+    url, answer = raw_address
+    body = b'{"actions": [2, 2, 3]}'
+    answer["chunks"] = [b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n" % len(body) + body]
+    with agent_at(url) as policy:
+        for _ in range(3):
+            assert policy.probabilities(STATES).argmax(1).tolist() == [2, 2, 3]
+
+
+def test_an_address_that_closes_every_connection_is_an_error(raw_address):
+    url, _ = raw_address
+    with agent_at(url) as policy, pytest.raises(BlackBoxError, match="does not answer as an agent should"):
+        policy.probabilities(STATES)
+
+
 def test_an_address_with_a_wrong_port_is_refused():
     with pytest.raises(BlackBoxError, match="is not an address"):
         load_foreign_agent("http://127.0.0.1:x/", RING)
@@ -282,6 +298,9 @@ def test_agent_check_refuses_what_does_not_fit(capsys):
     status, _, err = checked(capsys, "tests.support.foreign_models:BrokenAfterWarming")
     assert status == 1
     assert "gave NaN, infinite or negative probabilities" in err
+    status, _, err = checked(capsys, "tests.support.foreign_models:Overconfident", "--predictor")
+    assert status == 1
+    assert "gave an intention whose probability is not between 0 and 1" in err
     status, _, err = checked(capsys, "planner", "--deadline-ms", "0.0001")
     assert status == 1
     assert "is too slow" in err
@@ -328,6 +347,12 @@ def test_an_onnx_agent_with_a_fixed_batch_size_is_called_in_parts(size, tmp_path
     for games in (1, 2, 3):
         expected = softmax(STATES[:games].reshape(games, -1).astype(np.float32) @ weights)
         assert np.allclose(policy.probabilities(STATES[:games]), expected, atol=1e-4)
+
+
+def test_nan_of_one_game_does_not_change_how_the_answers_about_others_are_read():
+    probabilities = np.array([[0.5, 0.5, 0, 0, 0, 0], [np.nan] * 6], np.float32)
+    assert _softmax_if_needed(probabilities)[0].tolist() == [0.5, 0.5, 0, 0, 0, 0]
+    assert _softmax_if_needed(probabilities * 3)[0, 0] < 0.5, "these are logits"
 
 
 def test_an_onnx_predictor_for_one_game_watches_several(tmp_path):

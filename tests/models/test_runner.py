@@ -28,6 +28,7 @@ NORTHWARD, EVEN = "tests.support.foreign_models:Northward", "tests.support.forei
 REMEMBERING = "tests.support.foreign_models:Remembering"
 PLANNING = "tests.support.foreign_models:Planning"
 JAMMING = "tests.support.foreign_models:Jamming"
+SLOTTED = "tests.support.foreign_models:Slotted"
 PATIENT_MS = 5000
 _games = count()  # no two games of this file have one name: some share a server
 in_one_loop = pytest.mark.asyncio(loop_scope="module")
@@ -232,6 +233,14 @@ async def test_a_worker_that_hangs_is_replaced(serving):
     assert decision is not None
 
 
+async def test_a_model_that_answers_within_a_long_deadline_does_not_hang(serving):
+    slow = "tests.support.foreign_models:SlowAfterWarming"
+    server = await serving([slow], hang_s=0.1)
+    (decision,) = await server.ask([AskedGame("a").question(slow)], PATIENT_MS)
+    assert decision is not None
+    assert server.statistics().restarts == 0
+
+
 async def test_a_late_answer_is_dropped_and_the_next_is_in_time(serving):
     slow = "tests.support.foreign_models:SlowAfterWarming"
     server = await serving([slow])
@@ -262,6 +271,21 @@ async def test_nan_is_not_an_answer_and_is_counted(serving):
     assert sum(count for fault, count in counted.items() if "resting" in fault) == 3
 
 
+async def test_nan_in_one_game_costs_no_other_game_its_answer(serving):
+    agent, predictor = "tests.support.foreign_models:SometimesNan", SLOTTED
+    server = await serving([agent], [predictor])
+    good, bad = AskedGame("a"), AskedGame("b")
+    bad.states[-1].contents[0, 0, 0] = SOUP  # on the counter in the corner
+    for _ in range(8):  # more than the faults after which a model rests
+        asked = [game.question(agent, predictor, uniform=0.99) for game in (good, bad)]
+        answered, unanswered = await server.ask(asked, PATIENT_MS)
+        assert (answered.action, len(answered.prediction), unanswered) == (5, 3, None)
+        for game in (good, bad):
+            game.play()
+        bad.states[-1].contents[0, 0, 0] = SOUP
+    assert sum(server.statistics().faults.values()) == 16
+
+
 async def test_a_model_that_does_not_fit_is_refused_before_anything_is_served(serving):
     with pytest.raises(ModelsDown, match=r"WrongShape cannot be used on coordination_ring: .*shape \(1, 3\)"):
         await serving(["tests.support.foreign_models:WrongShape"])
@@ -280,6 +304,25 @@ async def test_added_models_answer_together_with_the_earlier_ones(serving):
     assert northward.action == NORTH
     assert len(planner.prediction) == 3
     assert len(server.worker_pids()) == 2
+
+
+async def test_models_that_two_ask_for_at_the_same_time_are_loaded_once(serving):
+    server = await serving([NORTHWARD])
+    await asyncio.gather(*(server.add([(LAYOUT, "stay")], [], {}, ModelPaths()) for _ in range(2)))
+    assert len(server.worker_pids()) == 2
+
+
+@pytest.mark.parametrize("first", ["agent", "predictor"])
+async def test_an_agent_and_a_predictor_of_one_name_may_be_added_one_after_the_other(serving, first):
+    name = [(LAYOUT, "random")]
+    server = await serving(**{f"{first}s": ["random"]})
+    await server.add(*((name, []) if first == "predictor" else ([], name)), {}, ModelPaths())
+    game = AskedGame("a")
+    for _ in range(2):
+        (decision,) = await server.ask([game.play().question("random", "random", uniform=0.99)], PATIENT_MS)
+        assert decision.action == 5
+        assert len(decision.prediction) == 3
+    assert server.statistics().restarts == 0
 
 
 async def test_two_kitchens_of_one_name_have_models_of_their_own_until_one_is_dropped(serving):
@@ -315,6 +358,17 @@ async def test_asking_twice_about_one_state_gives_the_same_answer(shared):
     for _ in range(12):
         question = game.play().question(predictor=REMEMBERING)
         assert await shared.ask([question], PATIENT_MS) == await shared.ask([question], PATIENT_MS)
+
+
+async def test_a_game_whose_predictor_failed_last_makes_room_for_the_next(serving):
+    server = await serving(predictors=[SLOTTED])
+    failed = AskedGame("a")
+    assert (await server.ask([failed.question(predictor=SLOTTED)], PATIENT_MS))[0].prediction[0][0] == 1
+    failed.play().states[-1].contents[0, 0, 0] = SOUP  # on the counter in the corner
+    assert await server.ask([failed.question(predictor=SLOTTED)], PATIENT_MS) == [None]
+    server.forget(failed.name)
+    (decision,) = await server.ask([AskedGame("b").question(predictor=SLOTTED)], PATIENT_MS)
+    assert decision.prediction[0][0] == 1
 
 
 async def test_nothing_is_left_running_after_close():

@@ -45,6 +45,15 @@ class BrokenAfterWarming(EvenHanded):
         return answer if self.calls <= 2 else answer * np.nan
 
 
+class SometimesNan(EvenHanded):
+    """NaN for the states in which a soup lies somewhere (plane 21)."""
+
+    def probabilities(self, observations):
+        answer = super().probabilities(observations)
+        answer[(observations[..., 21] > 0).any((1, 2))] = np.nan
+        return answer
+
+
 class WrongShape(EvenHanded):
     def probabilities(self, observations):
         return super().probabilities(observations)[:, :3]
@@ -102,4 +111,28 @@ class Planning(Remembering):
         answer[:, 0] = (0, -1, -1, 0, 0.75)
         for row, slot in enumerate(slots.tolist()):
             answer[row, 1] = (1, len(self.seen[slot]) // 4, 2, 5, 0.25)
+        return answer
+
+
+class Overconfident(Remembering):
+    """Its actions can be used, its intentions cannot."""
+
+    def intentions(self, slots, observations, last_actions):
+        return np.full((len(slots), INTENTIONS), np.array((0, -1, -1, 0, 2.0), INTENTION))
+
+
+class Slotted:
+    """Predicts the action whose number is that of the game's slot, and NaN where a soup lies somewhere (plane 21)."""
+
+    memory = 1
+
+    def __init__(self, layout):
+        self.layout = layout
+
+    def begin(self, slots):
+        pass
+
+    def predict(self, slots, observations, last_actions):
+        answer = np.repeat(np.eye(ACTIONS, dtype=np.float32)[slots % ACTIONS][:, None], STEPS, 1)
+        answer[(observations[..., 21] > 0).any((1, 2))] = np.nan
         return answer

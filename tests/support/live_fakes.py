@@ -96,12 +96,14 @@ class MemoryRecorder:
 class RuleModels:
     """An agent that walks by the number it was given, and a predictor that is fairly sure of going east.
 
-    `hang_s` makes it slow, `broken` makes it raise, `silent` makes it answer nothing."""
+    `hang_s` makes it slow, `slow` one agent slower than any deadline, `broken` makes it raise, `silent` makes it answer
+    nothing."""
 
     ready = True
 
     def __init__(self) -> None:
         self.hang_s = 0.0
+        self.slow = ""
         self.broken = self.silent = False
         self.asked: list[Question] = []
         self.batches: list[int] = []
@@ -115,9 +117,11 @@ class RuleModels:
         self.batches.append(len(questions))
         if self.broken:
             raise RuntimeError("broken on purpose")
-        if self.hang_s:
-            await asyncio.sleep(self.hang_s)
-        return [None if self.silent else self.decide(question) for question in questions]
+        deadline_s, slow = deadline_ms / 1000, [question.agent == self.slow for question in questions]
+        if waited_s := deadline_s if any(slow) else min(self.hang_s, deadline_s):
+            await asyncio.sleep(waited_s)
+        is_late = self.silent or self.hang_s > deadline_s
+        return [None if is_late or slow[k] else self.decide(question) for k, question in enumerate(questions)]
 
     def decide(self, question: Question) -> Decision:
         action = (NORTH, SOUTH, EAST, WEST, STAY, INTERACT)[int(question.uniform * ACTIONS)]

@@ -5,6 +5,7 @@ import io
 import json
 import shutil
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from training.pipeline.agent_tasks import prediction_tasks, study_tasks
 from training.pipeline.presets import load_preset
 from training.pipeline.study_tasks import Graph
 from training.publish_intentions import write_intentions
-from training.publish_predictor import population_folder, unseen_games, write_predictor
+from training.publish_predictor import HowTrained, population_folder, unseen_games, write_predictor
 
 RING = load_layout("coordination_ring")
 HERE = WEIGHTS / RING.name
@@ -69,7 +70,7 @@ def _predictors(ring, agent, other):
     none = intention_entry(EvaluatedIntentions(*(np.zeros(1, np.int64) for _ in fields(EvaluatedIntentions))), RING)
     for form in ("stream", "window"):
         place = ring / f"intentions_{agent}_{form}"
-        write_predictor(place / "predictor", network, RING, target, games, {"updates": 7})
+        write_predictor(place / "predictor", network, RING, target, games, HowTrained({"updates": 7}))
         written = load_checkpoint(place / "predictor")
         write_intentions(written, network.intentions, none, {"states": 1}, place / "predictor")
 
@@ -146,6 +147,23 @@ def test_doing_it_again_leaves_the_strong_agents(bundled):
     keep_strong(RING)
     assert (ring / "sp_strong" / "sha256").read_bytes() == before["sp"]
     assert (ring / "sp" / "sha256").read_bytes() != before["sp"]
+
+
+def test_an_interruption_does_not_lose_the_predictors_of_the_strong_agents(weights, monkeypatch):
+    rename, before = Path.rename, (weights / "sp_predictor_stream" / "sha256").read_bytes()
+
+    def interrupted(path, target):
+        if len(list(weights.glob("*_strong*"))) == 1:
+            raise KeyboardInterrupt
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        keep_strong(RING)
+    monkeypatch.setattr(Path, "rename", rename)
+    keep_strong(RING)
+    assert (weights / "sp_strong_predictor_stream" / "sha256").read_bytes() == before
+    assert {path.name for path in weights.glob("*_strong")} == {"sp_strong", "fcp_strong"}
 
 
 @pytest.mark.parametrize("name", ["intentions_fcp_window", "population_fcp_22"])

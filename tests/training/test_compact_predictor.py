@@ -18,7 +18,7 @@ from training.compact_predictor import with_baseline
 from training.evaluate_intentions import EvaluatedIntentions, intention_entry
 from training.evaluate_predictor import evaluate, logits
 from training.publish_intentions import write_intentions
-from training.publish_predictor import population_folder, unseen_games, write_predictor
+from training.publish_predictor import HowTrained, population_folder, unseen_games, write_predictor
 
 RING = load_layout("coordination_ring")
 SMALL = PredictorConfig(hidden=64, layers=2, heads=2, feed_forward=128, state_width=64, action_width=8)
@@ -40,7 +40,7 @@ def folders(games, tmp_path_factory):
     found, target = games
     folder = tmp_path_factory.mktemp("weights")
     network = PredictorNetwork(RING, SMALL, IntentionConfig(hidden=64))
-    write_predictor(folder / "before", network, RING, target, found, {"updates": 7})
+    write_predictor(folder / "before", network, RING, target, found, HowTrained({"updates": 7}))
     one = intention_entry(EvaluatedIntentions(*(np.zeros(1, np.int64) for _ in fields(EvaluatedIntentions))), RING)
     write_intentions(load_checkpoint(folder / "before"), network.intentions, one, {"states": 1}, folder / "before")
     assert _compact(folder / "before", "--out", str(folder / "after")) == 0

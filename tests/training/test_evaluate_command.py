@@ -5,11 +5,13 @@ import json
 import pytest
 
 import kitchenmind
-from models.agents.catalogue import agent_set
+from models.agents.catalogue import WEIGHTS, agent_set
+from models.networks.checkpoint import load_checkpoint, save_checkpoint
 from training.pipeline.agent_tasks import STUDY_LAYOUTS
 
 LAYOUT = STUDY_LAYOUTS[0]
 CELLS = sorted((LAYOUT, agent) for agent in ("sp", "fcp", "sp_strong", "fcp_strong"))
+SHORT = ("--trajectories", "1", "--timesteps", "40")
 MEAN = {"mean": float, "se": float}
 AGENT = {"layout": str, "agent": str, "self_play": MEAN, "held_out": MEAN, "episodes": int, "agent_set": str}
 WITH_PARTNER = {
@@ -109,6 +111,18 @@ def test_intentions_are_compared_with_two_baselines(capsys):
     assert measured["all_states"] > measured["frequent"]
     assert kitchenmind.main(["evaluate", *words, "--intentions"]) == 0
     assert "1 s before:" in capsys.readouterr().out
+
+
+def test_a_predictor_is_not_measured_with_another_agent_that_has_the_name_of_its_own(tmp_path, capsys):
+    found = load_checkpoint(WEIGHTS / LAYOUT / "fcp_predictor_stream")
+    save_checkpoint(tmp_path / "p", {**found.config, "agent": "sp"}, found.tensors, found.card, found.bits)
+    words = ["predictor", "--layout", LAYOUT, "--predictor", str(tmp_path / "p"), *SHORT]
+    assert kitchenmind.main(["evaluate", *words]) == 2
+    assert "predicts another agent than sp. Say which: --agent." in capsys.readouterr().err
+    (entry,) = printed(capsys, *words, "--agent", "fcp")
+    assert (entry["agent"], entry["form"]) == ("fcp", "stream")
+    assert kitchenmind.main(["evaluate", *words, "--agent", "planner"]) == 0
+    assert "was trained to predict another agent than planner." in capsys.readouterr().err
 
 
 def test_predictors_are_a_list_of_accuracies_with_ceiling_and_baselines(capsys):

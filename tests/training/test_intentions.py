@@ -18,7 +18,7 @@ from overcooked.interactions import NO_INTERACTION, InteractionKind, possible_in
 from overcooked.layout import load_layout, parse_layout
 from overcooked.state import Kitchens
 from training.collect import TEST, CollectionPlan, Partner, Target, collect, games_with
-from training.evaluate_intentions import EvaluatedIntentions, intention_entry
+from training.evaluate_intentions import EvaluatedIntentions, intention_entry, predicted_intentions
 from training.evaluate_predictor import calibration_error
 from training.intention_baselines import FrequentNext, nearest_sensible
 from training.intention_labels import UNKNOWN, interactions_done, labels_of, next_interactions
@@ -227,6 +227,19 @@ def test_games_that_are_too_short_are_refused_with_the_remedy(games):
     shards = [{name: value if name == "seat" else value[:, :19] for name, value in read_shards(games, TEST)[0].items()}]
     with pytest.raises(ValueError, match=r"19 timesteps are too short .* --no-intentions"):
         states_of(shards, RING, PredictorNetwork(RING, TINY))
+
+
+def test_an_episode_that_the_games_do_not_finish_is_not_measured(with_decoder):
+    network, _ = predictor_network(load_checkpoint(with_decoder[0]))
+    planner = load_agent("planner", RING)
+    target = Target("planner", planner.policy, planner.mode)
+    longer = games_with(RING, target, Partner("sp_1", "sp_1", "sp", planner.policy), CollectionPlan(1, 430))
+    whole = {name: values if name == "seat" else values[:, :400] for name, values in longer.items()}
+    entries = [
+        intention_entry(predicted_intentions(network, [games], RING, FrequentNext([games], RING)), RING)
+        for games in (longer, whole)
+    ]
+    assert entries[0] == entries[1]
 
 
 def test_the_pipeline_adds_a_decoder_after_each_predictor(without, games, tmp_path):

@@ -68,6 +68,24 @@ def test_a_trained_folder_serves_and_is_evaluated(
     assert (entry["agent"], entry["form"]) == ("mine", "stream")
 
 
+def test_an_agent_that_was_met_in_training_never_measures_the_predictor(
+    lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a folder that has changed since, another agent may be the one that is kept for the test."""
+    assert train(lab, tmp_path, "--no-intentions") == 0
+    for source, name in (("cleo", "a"), ("anna", "anna"), ("berta", "berta")):
+        shutil.copytree(lab / "friends" / source, tmp_path / "friends" / name)
+    words = ["evaluate", "predictor", "--layout", "coordination_ring", "--agent", str(lab / "mine")]
+    words += ["--predictor", str(tmp_path / "p"), "--partners", str(tmp_path / "friends")]
+    words += ["--trajectories", "1", "--timesteps", "40"]
+    assert kitchenmind.main(words) == 2
+    assert "the predictor has met berta in training. Give other agents" in capsys.readouterr().err
+    compact = ["train", "compact", "--predictor", str(tmp_path / "p"), "--agent", str(lab / "mine"), *words[-4:]]
+    assert kitchenmind.main([*compact, "--partners", str(tmp_path / "friends")]) == 2
+    assert "the predictor has met berta in training" in capsys.readouterr().err
+    assert kitchenmind.main([*compact, "--partners", str(lab / "friends")]) == 0
+
+
 def test_games_of_another_kitchen_or_agent_are_refused(
     lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,7 +11,7 @@ from models.networks.config import NetworkConfig
 from models.networks.policy import build_network
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
-from training.agents import snapshot_network, train_agent
+from training.agents import PEOPLE, card, snapshot_network, train_agent
 from training.compute import Compute
 from training.config import AgentConfig, agent_config
 from training.fast_path import fast_path
@@ -150,6 +150,29 @@ def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path,
         assert torch.equal(tensor, networks[1][name]), name
 
 
+def test_a_run_that_is_interrupted_before_an_episode_has_ended_measures_the_same_reward(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    iteration = PpoTrainer.iteration
+
+    def later(trainer: PpoTrainer) -> dict[str, float]:
+        metrics = iteration(trainer)
+        return {key: value for key, value in metrics.items() if key != "reward"} | (
+            {"reward": 100.0} if trainer.timesteps > 3200 else {}
+        )
+
+    def interrupt(timesteps: int, _: dict[str, float]) -> None:
+        if timesteps == 3200:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(PpoTrainer, "iteration", later)
+    folder = RunFolder(tmp_path / "run", run_settings(SHORT, RING, 5, []))
+    with pytest.raises(KeyboardInterrupt):
+        train(PpoTrainer(SHORT, RING, 5), folder, interrupt, 0)
+    train(PpoTrainer(SHORT, RING, 5), folder)
+    assert next(line["mean_reward"] for line in folder.metrics() if "reward" in line) == 100
+
+
 def test_a_run_keeps_its_snapshots_evenly_and_its_learning_rate_falls_linearly(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "run", run_settings(SHORT, RING, 5, []))
     train(PpoTrainer(SHORT, RING, 5), folder)  # 8 iterations of 800 timesteps
@@ -180,6 +203,16 @@ def test_a_last_minibatch_of_one_sample_does_not_make_the_network_nan() -> None:
     trainer = PpoTrainer(config, RING, 5)
     assert np.isfinite(trainer.iteration()["value_loss"])
     assert all(tensor.isfinite().all() for tensor in trainer.network.state_dict().values())
+
+
+@pytest.mark.parametrize(
+    ("computed", "row"), [("cpu", "| training time, one core | 0 s |"), ("cuda", "| training time | 0 s |")]
+)
+def test_the_card_calls_the_time_of_a_gpu_not_that_of_one_core(tmp_path: Path, computed: str, row: str) -> None:
+    folder = RunFolder(tmp_path / "run", run_settings(SHORT, RING, 5, []))
+    for device in ("cpu", computed):  # it was continued on another device
+        folder.note_compute(f"{device}, float32, dense", {})
+    assert row in card(folder, "mine", 100, PEOPLE, {}).splitlines()
 
 
 def test_a_run_folder_refuses_another_run(tmp_path: Path) -> None:

@@ -25,7 +25,13 @@ from training.collect import (
     split_by_agent,
 )
 from training.dataset import NONE, episodes_of, load_episodes, stream_batch, window_batch
-from training.population import NoisyPolicy, load_extras, load_population, with_itself_and_extras
+from training.population import (
+    NoisyPolicy,
+    load_extras,
+    load_partner_folder,
+    load_population,
+    with_itself_and_extras,
+)
 
 RING = load_layout("coordination_ring")
 SMALL = CollectionPlan(trajectories=1, timesteps=60)
@@ -127,6 +133,35 @@ def test_an_interrupted_collection_continues_with_the_next_partner(tmp_path, mon
     assert len(after) == 4
     assert {name: after[name] for name in before} == before
     assert set(read_manifest(tmp_path)["shards"]) == {partner.name for partner in partners}
+
+
+def test_games_with_another_agent_of_the_same_name_are_not_mixed_in(tmp_path):
+    folders = [tmp_path / "partners" / name for name in ("anna", "berta", "cleo")]
+    config = NetworkConfig(hidden=(4,))
+    for seed, folder in enumerate(folders):
+        torch.manual_seed(seed)
+        save_agent(folder, build_network(config, RING), config, RING, Mode(), "A card.", agent=folder.name)
+    collected, before = tmp_path / "games", {}
+    for _ in range(2):
+        partners = load_partner_folder(tmp_path / "partners", RING)
+        collect(collected, RING, planner(), partners, SMALL)
+        after = {name: facts["sha256"] for name, facts in read_manifest(collected)["shards"].items()}
+        changed = {name for name, digest in after.items() if before.get(name) != digest}
+        assert changed == ({"anna"} if before else set(after))
+        before = after
+        save_agent(folders[0], build_network(config, RING), config, RING, Mode(), "A card.", agent="anna")
+
+
+def test_two_partners_of_one_name_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="two partners are called 'sp_1'"):
+        collect(tmp_path, RING, planner(), [uniform(name) for name in ("sp_1", "sp_2", "sp_3", "sp_1")], SMALL)
+
+
+def test_what_an_interrupted_command_left_behind_is_not_a_partner(tmp_path):
+    config = NetworkConfig(hidden=(4,))
+    for name in ("anna", "berta", "cleo", ".anna.new-123"):
+        save_agent(tmp_path / name, build_network(config, RING), config, RING, Mode(), "A card.", agent=name)
+    assert [partner.name for partner in load_partner_folder(tmp_path, RING)] == ["anna", "berta", "cleo"]
 
 
 def test_games_of_another_plan_are_not_mixed_in(tmp_path):

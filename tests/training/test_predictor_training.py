@@ -22,7 +22,7 @@ from training.collect import TEST, CollectionPlan, Partner, Target, collect, rea
 from training.dataset import load_episodes
 from training.evaluate_predictor import STUCK_AFTER, calibration_error, evaluate, fitted_temperature, logits
 from training.predictor_config import NetworkSettings, TrainingConfig, changed
-from training.publish_predictor import partners_met, write_predictor
+from training.publish_predictor import HowTrained, partners_met, write_predictor
 from training.runlog import RunFolder
 from training.settings import ConfigError, parsed_changes
 from training.train_predictor import prepared, train_predictor
@@ -185,7 +185,7 @@ def test_temperature_scaling_calibrates_confidence():
 def test_the_card_of_a_bundled_predictor_describes_it(stream, games, tmp_path):
     network = stream[0]
     test = load_episodes(games, TEST, RING, network.encoder)
-    result = write_predictor(tmp_path / "p", network, RING, target(), test, {"seed": 0})
+    result = write_predictor(tmp_path / "p", network, RING, target(), test, HowTrained({"seed": 0}))
     card = (tmp_path / "p" / "card.md").read_text()
     assert f"{100 * result.accuracy.mean:.1f}" in card
     assert "after 3 timesteps without a change" in card

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import kitchenmind
+from models.networks.checkpoint import load_checkpoint
 from training.pipeline.agent_tasks import STUDY_LAYOUTS, agent_tasks, prediction_tasks, study_tasks
 from training.pipeline.presets import ROLES, load_preset
 from training.pipeline.study_tasks import Graph, Task, Work
@@ -113,6 +114,17 @@ def test_finished_tasks_travel_in_a_folder_and_only_with_the_same_settings(tmp_p
     _finish(same)
     assert done == ["c", "d"]
     assert (same.folder("x/c") / "made").read_text() == "cba"
+
+
+def test_tasks_that_were_finished_before_a_folder_was_given_are_kept_in_it_too(tmp_path: Path) -> None:
+    preset = _preset(tmp_path, "population = 1\ntargets = 1\nextras = false\npublish = false\n")
+    words = ["train", "study", "--preset", preset, "--layouts", "matrix", "--only", "population_sp"]
+    (task,) = (one for one in study_tasks("matrix", load_preset(preset)) if one.name == "population_sp_1")
+    graph = Graph([task], tmp_path / "runs" / "study")
+    (graph.log("matrix/population_sp_1").parent / "task_done").touch()
+    for _ in range(2):
+        assert kitchenmind.main([*words, "--runs", str(tmp_path / "runs"), "--keep", str(tmp_path / "kept")]) == 0
+        assert list(graph.kept_in(tmp_path / "kept")) == ["matrix/population_sp_1"]
 
 
 def _preset(folder: Path, text: str) -> str:
@@ -240,6 +252,19 @@ def test_a_run_that_learned_nothing_is_trained_again_with_another_seed(tmp_path:
     assert [open_run(folder / run).settings["seed"] for run in ("run", "run_2", "run_3")] == [1, 1001, 2001]
     graph.keep(task.label, tmp_path / "kept")
     assert sorted(path.name for path in (tmp_path / "kept" / task.label).iterdir()) == ["100", "35", "70", "key"]
+
+
+def test_the_best_of_the_runs_that_learned_too_little_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rewards = {"run": 15.0, "run_2": 16.0, "run_3": 0.0}
+    monkeypatch.setattr(
+        "training.pipeline.agent_tasks.skill_snapshot", lambda run, _: (0, rewards[run.path.name], run.path)
+    )
+    settings = "total_timesteps = 1600\nnum_envs = 8\nsnapshots = 2"
+    text = f"population = 1\ntargets = 1\nleast_reward = 20.0\n[population_sp]\n{settings}"
+    (task, *_) = agent_tasks("coordination_ring", load_preset(_preset(tmp_path, text)))
+    graph = Graph([task], tmp_path)
+    graph.run(task.label)
+    assert load_checkpoint(graph.folder(task.label) / "100").config["seed"] == 1001
 
 
 def test_the_published_recipe_uses_the_31_partners_of_the_paper(tmp_path: Path) -> None:

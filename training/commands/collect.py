@@ -70,7 +70,8 @@ def _collect(arguments: argparse.Namespace) -> int:
     target = load_target(arguments.agent, layout)
     population = partners_of(arguments.partners, arguments.population or population_folder(layout), layout)
     partners = with_itself_and_extras(target, population, layout, extras=not arguments.no_extras)
-    partners += load_extras({folder.name: folder for folder in arguments.extra}, layout)
+    for folder in arguments.extra:  # one by one: two of the same name are to be noticed
+        partners += load_extras({folder.name: folder}, layout)
     plan = CollectionPlan(arguments.trajectories, arguments.timesteps, arguments.seed)
     out = arguments.out or arguments.runs / "games" / f"{layout.name}_{target.name}"
     with Progress(TextColumn(f"{target.name} on {layout.name}"), BarColumn(), TimeRemainingColumn()) as bar:

@@ -13,6 +13,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--population", type=Path, help="folder of partner agents (default: the bundled ones)")
     parser.add_argument(
+        "--partners", type=Path, metavar="DIR", help="use the agents of this folder instead; at least three"
+    )
+    parser.add_argument(
         "--trajectories", type=int, default=5, help="number of trajectories for each partner and setting (default: 5)"
     )
     parser.add_argument("--timesteps", type=int, default=800, help="length of a trajectory (default: 800)")
@@ -29,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     torch.set_num_threads(1)
     out = arguments.out or arguments.predictor
     plan = CollectionPlan(arguments.trajectories, arguments.timesteps)
-    done = compact(arguments.predictor, out, plan, arguments.agent, arguments.population)
+    done = compact(arguments.predictor, out, plan, arguments.agent, arguments.population, arguments.partners)
     print(
         f"{out}: {done.bytes_before:,} to {done.bytes_after:,} bytes; right with unseen partners in {done.before:.2%} "
         f"before, {done.after:.2%} now"

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 from training.command_errors import refuse_below, told
 
 if TYPE_CHECKING:
+    from models.networks.checkpoint import Checkpoint
     from overcooked.layout import Layout
+    from training.collect import Partner, Target
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -129,16 +131,11 @@ def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Measure the predictors of one kitchen."""
-    from models.agents.catalogue import agent_names, agent_set
+    from models.agents.catalogue import agent_names
     from models.networks.checkpoint import load_checkpoint
-    from models.networks.predictor import predictor_network
-    from training.collect import TRAIN, CollectionPlan
-    from training.evaluate_predictor import evaluate
     from training.population import load_target, partners_of
-    from training.publish_intentions import measured_intentions
-    from training.publish_predictor import partners_in, population_folder, unseen_games, unseen_partners
+    from training.publish_predictor import population_folder
 
-    plan = CollectionPlan(arguments.trajectories, arguments.timesteps)
     folder = arguments.population or population_folder(layout)
     population = folder if arguments.partners is None else partners_of(arguments.partners, folder, layout)
     asked = None if arguments.agent is None else load_target(arguments.agent, layout)
@@ -149,18 +146,41 @@ def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str
         if asked is None and agent not in agent_names(layout.name):
             print(f"{folder.name}: --agent must say whose it is, e.g. --agent {agent}.onnx", file=sys.stderr)
             continue
-        network, trained_on = predictor_network(load_checkpoint(folder))
-        if trained_on.text != layout.text:
-            raise ValueError(f"{folder}: is for {trained_on.name}, not {layout.name}. Give its own --layout.")
-        target = asked or load_target(agent, layout)
-        games = unseen_games(layout, target, network, population, plan, arguments.partner)
-        entry = evaluate(network, games).entry(layout.name, agent, form) | agent_set(agent, layout.name)
-        if arguments.intentions:
-            others = unseen_partners(layout, population, arguments.partner)
-            known = partners_in(TRAIN, layout, population)
-            entry["intentions"] = measured_intentions(network, layout, target, others, known, plan)
-        entries.append(entry)
+        checkpoint, target = load_checkpoint(folder), asked or load_target(agent, layout)
+        if checkpoint.config.get("agent_sha256", target.sha256) != target.sha256:
+            if asked is None:
+                raise ValueError(f"{folder}: predicts another agent than {target.name}. Say which: --agent.")
+            print(f"warning: {folder} was trained to predict another agent than {target.name}.", file=sys.stderr)
+        entries.append(_measured(checkpoint, layout, target, population, arguments))
     return entries
+
+
+def _measured(
+    checkpoint: "Checkpoint",
+    layout: "Layout",
+    target: "Target",
+    population: "Path | list[Partner]",
+    arguments: argparse.Namespace,
+) -> dict[str, Any]:
+    """Measure one predictor in games of `target`."""
+    from models.agents.catalogue import agent_set
+    from models.networks.predictor import predictor_network
+    from training.collect import TRAIN, CollectionPlan
+    from training.evaluate_predictor import evaluate
+    from training.publish_intentions import measured_intentions
+    from training.publish_predictor import MET, games_of, partners_in, unseen_partners
+
+    network, trained_on = predictor_network(checkpoint)
+    if trained_on.text != layout.text:
+        raise ValueError(f"{checkpoint.folder}: is for {trained_on.name}, not {layout.name}. Give its own --layout.")
+    plan = CollectionPlan(arguments.trajectories, arguments.timesteps)
+    others = unseen_partners(layout, population, arguments.partner, checkpoint.config.get(MET, ()))
+    result = evaluate(network, games_of(layout, target, others, network, plan))
+    entry = result.entry(layout.name, target.name, network.config.form) | agent_set(target.name, layout.name)
+    if arguments.intentions:
+        known = partners_in(TRAIN, layout, population)
+        entry["intentions"] = measured_intentions(network, layout, target, others, known, plan)
+    return entry
 
 
 def _predictor_folders(layout: "Layout", chosen: Path | None) -> list[tuple[Path, str, str]]:

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
+    from models.networks.checkpoint import Checkpoint
     from models.networks.config import PredictorConfig
     from models.networks.predictor import PredictorNetwork
     from overcooked.layout import Layout
     from training.collect import Target
     from training.predictor_config import TrainingConfig
+    from training.publish_predictor import HowTrained
     from training.runlog import RunFolder
     from training.train_predictor import PredictorTrainer
 
@@ -83,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     from training.dataset import load_episodes
     from training.population import load_target
     from training.predictor_config import intention_settings
-    from training.publish_predictor import partners_met, write_predictor
+    from training.publish_predictor import write_predictor
     from training.runlog import RunFolder
     from training.train_predictor import prepared
 
@@ -96,13 +98,14 @@ def run(arguments: argparse.Namespace) -> int:
     settings = {**asdict(network), **training.stored()}
     print("\n".join(f"{name} = {value}" for name, value in settings.items()))
     name = f"{target.name}_predictor_{arguments.form}"
-    begun = "" if arguments.begin_with is None else load_checkpoint(arguments.begin_with).sha256
+    before = None if arguments.begin_with is None else load_checkpoint(arguments.begin_with)
+    begun = "" if before is None else before.sha256
     known = {"begun with": begun, "games": collected["shards"], "settings": _without_limit(settings)}
     folder = RunFolder(arguments.runs / layout.name / name, known)
     trainer = prepared(layout, network, training, games, arguments.encoder_from, arguments.begin_with)
     trained, stopped = _trained(name, trainer, folder)
     out = place or folder.path / "predictor"
-    how = {**_how(trainer, stopped), "begun with": begun or "nothing", **partners_met(collected), "settings": settings}
+    how = _how(trainer, stopped, before, collected, settings)
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.encoder), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
     if not arguments.no_intentions and not stopped:
@@ -143,13 +146,25 @@ def _chosen_settings(arguments: argparse.Namespace) -> "tuple[PredictorConfig, T
     return changed(preset, parsed_changes(arguments.set), "--set")
 
 
-def _how(trainer: "PredictorTrainer", stopped: str) -> dict[str, Any]:
-    """Return the card's text about the training."""
-    return {
+def _how(
+    trainer: "PredictorTrainer",
+    stopped: str,
+    before: "Checkpoint | None",
+    collected: Mapping[str, Any],
+    settings: Mapping[str, Any],
+) -> "HowTrained":
+    """Return the card's text about the training, which began with the predictor `before`."""
+    from training.publish_predictor import HowTrained, hashes_met, partners_met
+
+    rows = {
         "updates": f"{trainer.update} of {trainer.config.updates}, {stopped}" if stopped else trainer.update,
         "training games": len(trainer.train),
         "seed": trainer.config.seed,
+        "begun with": "nothing" if before is None else before.sha256,
+        **partners_met(collected),
+        "settings": settings,
     }
+    return HowTrained(rows, hashes_met(collected, None if before is None else before.config))
 
 
 def _say_what_to_do(arguments: argparse.Namespace, name: str, stopped: str, done: str) -> None:

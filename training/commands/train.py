@@ -179,6 +179,9 @@ def _train_study(arguments: argparse.Namespace) -> int:
             print(f"{label}: taken from {arguments.keep}")
     if arguments.plan:
         return show_plan(graph)
+    if arguments.keep:
+        for label in graph.keep_finished(arguments.keep):
+            print(f"{label}: copied to {arguments.keep}")
     command = ["--preset", arguments.preset, "--layouts", *layouts, "--runs", str(arguments.runs)]
     command += ["--device", arguments.device, "--precision", arguments.precision]
     if arguments.keep:

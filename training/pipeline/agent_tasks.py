@@ -12,6 +12,7 @@ from training.config import AgentConfig
 from training.pipeline.predictor_tasks import predictor_tasks
 from training.pipeline.presets import AUXILIARY_ROLES, FIRST_SEEDS, ROLES, Preset, seeds
 from training.pipeline.study_tasks import Task, Work
+from training.runlog import RunFolder
 
 STUDY_LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 _OTHER_SEED = 1000  # is added to the seed of a run that never learned to cook
@@ -103,13 +104,16 @@ def _train(work: Work, least_reward: float = 0.0) -> None:
     config = AgentConfig().changed(work.task.settings["config"], work.task.label)
     partners = [folder / str(skill) for folder in work.inputs.values() for skill in SKILLS]
     role, _, seed = work.task.name.rpartition("_")
+    runs: list[tuple[float, RunFolder]] = []
     for attempt in range(_TRIES):
         path = work.folder / ("run" if attempt == 0 else f"run_{attempt + 1}")
         number = int(seed) + _OTHER_SEED * attempt
         run = train_agent(config, layout, number, path, partners, lambda n, _: work.report(n / config.total_timesteps))
         _, reward, _ = skill_snapshot(run, 100)
+        runs.append((reward, run))
         if reward >= least_reward:
             break
         print(f"{work.task.label}: {reward:.1f} points with seed {number}, fewer than {least_reward:g}", flush=True)
+    _, best = max(runs, key=lambda one: one[0])
     for skill in SKILLS:
-        write_agent(run, skill, work.folder / str(skill), f"{role}_{seed}_{skill}")
+        write_agent(best, skill, work.folder / str(skill), f"{role}_{seed}_{skill}")

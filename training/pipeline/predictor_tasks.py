@@ -21,7 +21,7 @@ from training.pipeline.study_tasks import Task, Work
 from training.population import load_extras, load_population, load_target, with_itself_and_extras
 from training.predictor_config import Configs, IntentionSettings, TrainingConfig, changed
 from training.publish_intentions import add_intentions
-from training.publish_predictor import partners_met, predictor_folder, write_predictor
+from training.publish_predictor import HowTrained, hashes_met, partners_met, predictor_folder, write_predictor
 from training.runlog import RunFolder
 from training.train_predictor import prepared, train_predictor
 
@@ -103,7 +103,8 @@ def _train(layout: Layout, agent: str, configs: Configs, publish: bool, work: Wo
     run = RunFolder(work.folder / "run", work.task.settings)
     trained = train_predictor(trainer, run, lambda share, _: work.report(share))
     counts = {"updates": trainer.update, "training games": len(trainer.train)}
-    how = {**counts, **partners_met(read_manifest(games)), **work.task.settings}
+    manifest = read_manifest(games)
+    how = HowTrained({**counts, **partners_met(manifest), **work.task.settings}, hashes_met(manifest))
     test = load_episodes(games, TEST, layout, trained.encoder)
     published = [_bundled(layout, agent, network.form)] if publish else []
     for folder in (work.folder / "predictor", *published):

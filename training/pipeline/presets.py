@@ -36,7 +36,9 @@ class StudyScale(TrainingSettings):
     population: int = Field(ge=1, description="SP agents, and as many FCP agents, whose skill levels are the partners.")
     targets: int = Field(ge=1, description="Runs from which the target is chosen, for SP and FCP alike.")
     least_reward: float = Field(
-        0.0, ge=0, description="A run whose best reward is lower is trained again with another seed."
+        0.0,
+        ge=0,
+        description="A run whose best reward is lower is trained again with two more seeds; the best run is kept.",
     )
     extras: bool = Field(True, description="Whether predictors also train with partners that the paper does not have.")
     publish: bool = Field(

@@ -105,6 +105,15 @@ class Graph:
         shutil.rmtree(target, ignore_errors=True)
         new.replace(target)
 
+    def keep_finished(self, kept: Path) -> list[str]:
+        """Copy the results of finished tasks that `kept` does not have, such as those that were trained before it was
+        given; return their labels."""
+        known = self.kept_in(kept)
+        missing = [label for label in self.tasks if self.done(label) and label not in known]
+        for label in missing:
+            self.keep(label, kept)
+        return missing
+
     def kept_in(self, kept: Path) -> dict[str, Path]:
         """Return the folder of each task that `keep` copied to `kept` with the same settings and inputs."""
         files = {label: kept / label / "key" for label in self.tasks}

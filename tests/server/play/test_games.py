@@ -94,6 +94,32 @@ async def test_deadlines_are_absolute_so_a_slow_model_moves_no_later_tick() -> N
     await running.games.stop()
 
 
+async def test_a_slow_model_of_one_game_costs_no_other_game_its_partner() -> None:
+    running = RunningGames(speed=5.0)
+    for episode, agent in (("e1", "sp"), ("slow", "theirs")):
+        spec = make_spec(horizon=6, tick_ms=40, deadline_ms=20, agents=(None, agent))  # one slot for all games
+        running.specs[episode] = spec
+    running.models.slow = "theirs"
+    connections = await asyncio.gather(running.play("e1"), running.play("slow"))
+    await until(lambda: all(connection.closed for connection in connections))
+    assert max(running.models.batches) == 2, "both games are in one batch"
+    late = {name: [running.recorder.ticks_of[name][n].late for n in range(6)] for name in ("e1", "slow")}
+    assert late == {"e1": [False] * 6, "slow": [True] * 6}
+    await running.games.stop()
+
+
+async def test_the_longer_deadline_of_one_study_is_not_that_of_another() -> None:
+    running = RunningGames(speed=5.0)
+    for episode, deadline_ms in (("e1", 10), ("long", 30)):
+        running.specs[episode] = make_spec(horizon=6, tick_ms=40, deadline_ms=deadline_ms)
+    running.models.hang_s = 0.02
+    connections = await asyncio.gather(running.play("e1"), running.play("long"))
+    await until(lambda: all(connection.closed for connection in connections))
+    late = {name: [running.recorder.ticks_of[name][n].late for n in range(6)] for name in ("e1", "long")}
+    assert late == {"e1": [True] * 6, "long": [False] * 6}
+    await running.games.stop()
+
+
 async def test_blur_stops_at_once_and_coming_back_counts_down_to_the_same_timestep(running: RunningGames) -> None:
     connection = await running.play()
     game = running.games.get("e1")

@@ -31,7 +31,8 @@ def start(spec: EpisodeSpec | None = None, now: float = 100.0) -> tuple[Session,
 
 def tick(session: Session, now: float | None = None, models_ms: float = 1.0) -> TickRecord:
     questions = session.begin_tick(session.next_deadline if now is None else now)
-    record = session.finish_tick([MODELS.decide(question) for question in questions], models_ms)
+    is_late = models_ms > session.spec.deadline_ms
+    record = session.finish_tick([None if is_late else MODELS.decide(question) for question in questions], models_ms)
     session.stored = True
     return record
 
