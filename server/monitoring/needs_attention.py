@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from server.play.game import Game
-from server.play.pause_reasons import RESEARCHER
 
 IDLE_S = 20.0
 LAG_MS = 250.0
@@ -45,7 +44,7 @@ class Attention:
         if session.phase == "paused" and pause is not None:
             if pause.reason in _AWAY:
                 return Flag(ACT, _AWAY[pause.reason], session.paused_since)
-            return Flag(LOOK, "Paused" if RESEARCHER in session.pause_reasons else "Waiting", session.paused_since)
+            return Flag(LOOK, "Paused" if session.pause_reasons.of_researcher else "Waiting", session.paused_since)
         if session.phase == "waiting":
             return Flag(CALM, "Not started")
         if session.phase == "running" and idle_s >= IDLE_S:

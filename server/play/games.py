@@ -115,6 +115,8 @@ class Games:
         game = Game(session, self.clock, self._recorder, self.loop.start, self.loop.stop)
         if session.resumed:
             game.interrupted(record.known_at)
+        if record.is_paused:
+            game.pause(RESEARCHER, "researcher")
         self._records[episode] = record
         self._games[episode] = game
         if session.over:
@@ -220,5 +222,5 @@ class Games:
 def _is_forgettable(game: Game, now: float) -> bool:
     """Return whether nobody has been there for a while. A game that a researcher pauses is kept: it would continue
     without the researcher, or an absence would never end it."""
-    paused = game.session.phase == "paused" and RESEARCHER in game.session.pause_reasons
+    paused = game.session.phase == "paused" and game.session.pause_reasons.of_researcher
     return not paused and not game.connections and now - game.idle_since > FORGET_AFTER_S

@@ -1,4 +1,4 @@
-"""Decisions of researchers about data and studies: exclusions, which can be undone, and pauses of whole studies."""
+"""Decisions of researchers about data and studies: exclusions, which can be undone, and pauses of games and studies."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -6,7 +6,7 @@ from typing import Final
 
 from sqlalchemy import Connection, select, update
 
-from server.store.tables import exclusions, study_pauses
+from server.store.tables import episodes, exclusions, study_pauses
 
 # What a researcher can choose from; stored with the decision and shown in the analysis as it is.
 EXCLUSION_REASONS: Final = (
@@ -57,6 +57,27 @@ def exclusions_of(connection: Connection, participants: list[str]) -> list[Exclu
     """Return the exclusions of these participants that hold, oldest first."""
     query = select(exclusions).where(exclusions.c.participant_id.in_(participants), exclusions.c.restored_at.is_(None))
     return [Exclusion(**row._mapping) for row in connection.execute(query.order_by(exclusions.c.id))]
+
+
+def pause_game(connection: Connection, episode: str, by: str) -> bool:
+    """Pause an episode wherever it is played, from now on. Return false if it is over."""
+    return _set_paused(connection, episode, by)
+
+
+def resume_game(connection: Connection, episode: str) -> bool:
+    """Let an episode continue. Return false if it is over."""
+    return _set_paused(connection, episode, None)
+
+
+def _set_paused(connection: Connection, episode: str, by: str | None) -> bool:
+    unfinished = (episodes.c.id == episode, episodes.c.status.in_(("new", "running")))
+    return connection.execute(update(episodes).where(*unfinished).values(paused_by=by)).rowcount == 1
+
+
+def paused_games(connection: Connection, *ids: str) -> set[str]:
+    """Return those of these episodes that a researcher pauses one by one."""
+    query = select(episodes.c.id).where(episodes.c.id.in_(ids), episodes.c.paused_by.is_not(None))
+    return set(connection.execute(query).scalars())
 
 
 def pause_study(connection: Connection, study: str, by: str) -> bool:

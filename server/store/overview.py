@@ -67,6 +67,11 @@ class Played:
     score: int | None
     started_at: datetime | None
     ended_at: datetime | None
+    paused_by: str | None
+
+    @property
+    def is_over(self) -> bool:
+        return self.status in ("done", "aborted")
 
     @property
     def short_name(self) -> str:
@@ -204,7 +209,7 @@ def _played(
         _e.number.label("episode"), named.label("agent"), _e.layout,
         _e.shown, is_misleading().label("misleading"),
         case((_e.participant_0 == _p.id, 0), else_=1).label("seat"), _e.status, _e.end_reason, _e.score,
-        _e.started_at, _e.ended_at,
+        _e.started_at, _e.ended_at, _e.paused_by,
     )  # fmt: skip
     query = query.join_from(episodes, participants, or_(_e.participant_0 == _p.id, _e.participant_1 == _p.id))
     return [Played(**row._mapping) for row in connection.execute(query.where(wanted).order_by(order).limit(most))]

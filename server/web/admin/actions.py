@@ -130,10 +130,8 @@ async def step_in(
     """Pause, resume, end, message, extend or exclude one game."""
     detail: dict[str, Any] = {"episode": game.id, "participant": game.participant_id, "reason": _text(form, "note")}
     match action:
-        case "pause":
-            outcome = "paused" if await control.run(PauseGame(game.id)) else "gone"
-        case "resume":
-            outcome = "resumed" if await control.run(ResumeGame(game.id)) else "gone"
+        case "pause" | "resume":
+            outcome = await _pause_or_resume(action, admin, web, control, game)
         case "end":
             outcome = "ended" if await control.run(EndGame(game.id)) else "gone"
         case "message":
@@ -150,6 +148,21 @@ async def step_in(
             raise HTTPException(404, "unknown action")
     await _note(web, admin, f"{action} game", detail | {"done": outcome != "gone"})
     return back_to(_back(form), outcome)
+
+
+async def _pause_or_resume(action: str, admin: AdminSession, web: Web, control: ClusterControl, game: Played) -> str:
+    """Return the outcome. A game that nobody plays now is paused when the participant comes back."""
+    if action == "pause":
+        if not await web.database.write(decisions.pause_game, game.id, admin.name):
+            return "gone"
+        await control.run(PauseGame(game.id))
+        return "paused"
+    if not await web.database.write(decisions.resume_game, game.id):
+        return "gone"
+    await control.run(ResumeGame(game.id))
+    study = web.studies.version(game.study_id)
+    paused = await web.database.read(decisions.paused_studies)
+    return "resumed_later" if study is not None and study.name in paused else "resumed"
 
 
 @router.post("/person/{person}/{action}")

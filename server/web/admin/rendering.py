@@ -20,6 +20,7 @@ NOT_FOUND = 404
 OUTCOMES = {
     "paused": "The game is paused.",
     "resumed": "The game continues.",
+    "resumed_later": "The game is not paused by itself any more. It continues when you resume the study.",
     "ended": "The game is ended.",
     "sent": "The message is sent.",
     "extended": "The participant has more time now.",
