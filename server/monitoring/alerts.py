@@ -91,7 +91,14 @@ class Alerts:
         now = datetime.now(UTC)
         of_all = {(alert.key, alert.text): alert for alert in (*self._peers, *self.open.values())}  # each once
         mine = [alert for alert in of_all.values() if alert.study in ("", study) and not _is_of_game(alert)]
-        return [{"text": one.text, "since_s": round((now - (one.since or now)).total_seconds())} for one in mine]
+        return [
+            {
+                "text": one.text,
+                "path": one.path if "/game/" in one.path else "",
+                "since_s": round((now - (one.since or now)).total_seconds()),
+            }
+            for one in mine
+        ]
 
     def _late(self, others: list[Process]) -> list[Alert]:
         """Of those processes."""
@@ -146,8 +153,28 @@ class Alerts:
                 found += await self._client_errors(name, versions) if leads else []
                 found_signs = await invented_participants.signs(self._live.web, name, versions, leads)
                 found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in found_signs.items()]
+            found += await self._broken()
         except DatabaseDown:
             found.append(Alert("unreadable", "The database cannot be reached."))
+        return found
+
+    async def _broken(self) -> list[Alert]:
+        """Return alerts about games that cannot be taken up, until a researcher ends them: their participants wait."""
+        live, found = self._live, []
+        known = tuple(live.games.broken)
+        played = await live.web.database.read(overview.played, *known) if known else {}
+        for episode in known:
+            game = played.get(episode)
+            study = None if game is None or game.is_over else live.web.studies.version(game.study_id)
+            if game is None or study is None:
+                live.games.broken.discard(episode)
+                continue
+            text = (
+                f"{study.name}: {who(game)} cannot continue the game {game.short_name}: its stored record cannot be "
+                "played again, for the reason in the server's log. End the game on its page, and the participant "
+                "continues with the next page."
+            )
+            found.append(Alert(f"broken {episode}", text, f"/admin/s/{study.name}/game/{episode}", study.name))
         return found
 
     async def _client_errors(self, name: str, versions: tuple[int, ...]) -> list[Alert]:

@@ -26,10 +26,11 @@ from server.monitoring.commands import (
 from server.participation.served_studies import Studies
 from server.participation.study_changes import ServedVersion, Versions
 from server.play.game import Game
-from server.play.games import Games
+from server.play.games import Games, NoGame
 from server.play.messages import Notice
 from server.play.pause_reasons import ENDING, RESEARCHER, STUDY, Holder
-from server.store import decisions, overview
+from server.play.recorder import RecorderDown
+from server.store import decisions, overview, unplayable_episodes
 from server.store.database import Database, DatabaseDown
 from server.study.loader import StudyError
 
@@ -129,6 +130,23 @@ class Control:
             return False
         self._games.abort(game, reason)
         return True
+
+    async def end_stored(self, episode: str) -> bool:
+        """End an episode that no process plays, also one that cannot be played any more. False: it is over, or the
+        database is away."""
+        if self._games.get(episode) is not None:
+            return False  # it ends already, or could not be ended a moment ago
+        try:
+            game = await self._games.open(episode)
+        except (NoGame, RecorderDown):
+            return False
+        except Exception:
+            log.exception("episode %s cannot be taken up: it is ended as it is stored", episode)
+            try:
+                return await self._database.write(unplayable_episodes.end, episode)
+            except DatabaseDown:
+                return False
+        return await self._end(game, "researcher")
 
     async def _end_all(self, episodes: Sequence[str]) -> int:
         """End those of the games that run here; return when their ends are stored (or the database is away)."""

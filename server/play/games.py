@@ -63,6 +63,7 @@ class Games:
         self._tasks: set[asyncio.Task[Any]] = set()
         self._keeper: asyncio.Task[None] | None = None
         self.stopping = False
+        self.broken: set[str] = set()  # episodes that somebody wants to play and that cannot be taken up
 
     def __len__(self) -> int:
         return len(self._games)
@@ -88,15 +89,35 @@ class Games:
                 self.let_go(game)
             game = self._games.get(episode)  # it may have been forgotten in the meantime
         if game is None:
-            opening = self._opening.get(episode)
-            if opening is None:
-                opening = self._opening[episode] = asyncio.create_task(self._open(episode))
-                opening.add_done_callback(lambda _: self._opening.pop(episode, None))
-            game = await asyncio.shield(opening)
+            game = await self.open(episode)
         await self._until_stored(game)
         if game.session.phase == "ended":
             raise NoGame(f"episode {episode} is over")
         game.join(person, connection)
+        return game
+
+    async def open(self, episode: str) -> Game:
+        """Return the game, taken up from the database if it is not live here. Raises what `join` does."""
+        if self.stopping:
+            raise NoGame("the server is going down")
+        game = self._games.get(episode)
+        if game is not None:
+            return game
+        opening = self._opening.get(episode)
+        if opening is None:
+            opening = self._opening[episode] = asyncio.create_task(self._open(episode))
+            opening.add_done_callback(lambda _: self._opening.pop(episode, None))
+        try:
+            game = await asyncio.shield(opening)
+        except RecorderDown:
+            raise
+        except NoGame:
+            self.broken.discard(episode)
+            raise
+        except Exception:
+            self.broken.add(episode)
+            raise
+        self.broken.discard(episode)
         return game
 
     async def _until_stored(self, game: Game) -> None:

@@ -185,8 +185,8 @@ async def decide(
             outcome = "restored" if done else "gone"
         case "release":
             done = await web.database.write(participants.leave, person.id, "returned")
-            for played in await web.database.read(overview.played_by, person.id) if done else ():
-                await control.run(EndGame(played.id))
+            if done:
+                await _end_games(web, control, person)
             outcome = "released" if done else "gone"
         case "extend":
             await web.database.write(participants.seen, person.id)
@@ -204,6 +204,12 @@ async def find(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Res
     found = await web.database.read(participants.find, study_ids, _text(form, "who"))
     await _note(web, admin, "find participant", {"study": name, "found": found is not None})
     return back_to(f"/admin/s/{name}/person/{found.id}") if found else back_to(f"/admin/s/{name}", "nobody_found")
+
+
+async def _end_games(web: Web, control: ClusterControl, person: Person) -> None:
+    for played in await web.database.read(overview.played_by, person.id):
+        if not played.is_over:
+            await control.run(EndGame(played.id))
 
 
 async def _delete(admin: AdminSession, web: Web, form: Form, control: ClusterControl, person: Person) -> Response:

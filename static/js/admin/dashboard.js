@@ -139,8 +139,9 @@ function attentionWords(alerts, urgent) {
 }
 
 /** @param {Researcher.Alert} alert */
-function serverAlert({ text, since_s: since }) {
-  return make('li', { className: 'bad' }, make('div', { text }), make('time', { text: clock(since) }));
+function serverAlert({ text, path, since_s: since }) {
+  const words = path ? make('div', {}, make('a', { href: `${root}${path}`, text })) : make('div', { text });
+  return make('li', { className: 'bad' }, words, make('time', { text: clock(since) }));
 }
 
 /** @param {Researcher.Card} card */

@@ -2,7 +2,7 @@
 
 declare namespace Researcher {
   type Level = 0 | 1 | 2; // calm, warning, urgent
-  type Alert = { text: string; since_s: number };
+  type Alert = { text: string; path: string; since_s: number }; // `path`: of the game; empty: of none
 
   /** One running game. */
   interface Card {
