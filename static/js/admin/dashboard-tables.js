@@ -19,6 +19,7 @@ const place = (id) => find(`#${id}`, HTMLElement);
  * @param {Page} page
  */
 export function showTables(figures, page) {
+  showState(figures);
   showKeyNumbers(figures, page);
   showArms(figures.arms, page.blind);
   showSimulated(figures);
@@ -27,6 +28,20 @@ export function showTables(figures, page) {
   showMachine(figures);
   showPeople(figures.people, page);
   showClientErrors(figures.client_errors, page.study);
+}
+
+/**
+ * Show whether the study runs, and what can be done: somebody else may have paused it since the page was loaded.
+ * @param {Researcher.Figures} figures
+ */
+function showState({ paused, closed }) {
+  place('study-state').textContent = closed ? 'Closed' : paused ? 'Paused' : 'Running';
+  place('study-state').className = `badge ${closed ? 'plain' : paused ? 'warn' : 'good'}`;
+  const button = document.querySelector('#pause-study');
+  if (!(button instanceof HTMLElement) || button.matches(':active')) return; // who may only watch has none
+  button.dataset.ask = paused ? 'resume' : 'pause';
+  button.textContent = paused ? 'Resume study…' : 'Pause study…';
+  button.className = `btn ${paused ? 'main' : 'danger'}`;
 }
 
 /** @type {(id: string, value: string | number, unit?: string) => void} */

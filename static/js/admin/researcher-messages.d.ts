@@ -114,6 +114,13 @@ declare namespace Researcher {
     rehearsal: boolean;
     people: Person[];
     client_errors: ClientError[];
+    paused: boolean;
+    closed: boolean;
+  }
+
+  /** The alerts of the server and the study; those of games are on their cards. */
+  interface Alerts {
+    type: 'alerts';
     alerts: Alert[];
   }
 
