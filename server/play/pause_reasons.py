@@ -52,6 +52,10 @@ class PauseReasons:
         """Return whether this holder's time counts as an absence."""
         return holder in self._held and self._held[holder].reason in AWAY_REASONS
 
+    def away_reason(self, person: int) -> str | None:
+        """Return the reason of this person's absence; None: the person is there."""
+        return self._held[person].reason if self.is_away(person) else None
+
     def hold(self, holder: Holder, reason: str, now: float) -> None:
         """A person who is away already stays away since the first moment; one whom the server kept waiting does not."""
         held = self._held.get(holder)

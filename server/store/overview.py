@@ -183,9 +183,18 @@ def _people() -> Any:
     return select(*own, *counts)
 
 
+def players(connection: Connection, *ids: str) -> dict[str, tuple[Played, ...]]:
+    """Return these episodes for each of their participants, by id and in the order of their seats; without those that
+    belong to no participant of a study."""
+    found: dict[str, tuple[Played, ...]] = {}
+    for one in sorted(_played(connection, _e.id.in_(ids)), key=lambda one: one.seat):
+        found[one.id] = (*found.get(one.id, ()), one)
+    return found
+
+
 def played(connection: Connection, *ids: str) -> dict[str, Played]:
-    """Return these episodes, by id; without those that belong to no participant of a study."""
-    return {one.id: one for one in _played(connection, _e.id.in_(ids))}
+    """Return these episodes, by id: of a round of two people, for the one on the first seat."""
+    return {episode: of_episode[0] for episode, of_episode in players(connection, *ids).items()}
 
 
 def played_by(connection: Connection, participant_id: str) -> list[Played]:

@@ -246,16 +246,17 @@ function personRow(row, { study, cardOf }) {
       ]
     : [row.now];
   const bar = make('progress', { max: row.steps, value: row.done, 'aria-label': 'Progress' });
-  const rtt = card?.rtt_ms ?? null;
+  const mine = card?.person === row.id ? card : undefined; // the partner of a round may be the one who is flagged
+  const rtt = mine?.rtt_ms ?? null;
   return make(
     'tr',
-    { className: ['', 'warn', 'bad'][card?.level ?? 0] },
+    { className: ['', 'warn', 'bad'][mine?.level ?? 0] },
     make('td', {}, name),
     make('td', {}, ...now),
     make('td', {}, make('span', { className: 'step-progress' }, bar, `${row.done}/${row.steps}`)),
     make('td', { className: 'num', text: card ? 'now' : ago(row.seen_s) }),
     make('td', { className: 'num', text: rtt === null ? '–' : `${rtt} ms` }),
-    make('td', {}, ...personFlags(row, card)),
+    make('td', {}, ...personFlags(row, mine)),
     make('td', { className: row.arm ? '' : 'soft', text: row.arm || 'hidden' }),
     make('td', { className: 'num', text: row.minutes }),
   );

@@ -172,7 +172,9 @@ function press(selector, chosen) {
 
 function showFigures() {
   if (!figures) return;
-  const cardOf = new Map([...cards.values()].map(({ card }) => [card.person, card]));
+  const cardOf = new Map(
+    [...cards.values()].flatMap(({ card }) => card.people.map((person) => /** @type {const} */ ([person, card]))),
+  );
   showTables(figures, { study, blind: blind === 'yes', search: search.value, cardOf });
 }
 

@@ -7,8 +7,9 @@ declare namespace Researcher {
   /** One running game. */
   interface Card {
     id: string;
-    who: string;
+    who: string; // of two people, the one who needs attention most
     person: string;
+    people: string[]; // all who play
     episode: string;
     agent: string;
     title: string;
