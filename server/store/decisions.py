@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
-from sqlalchemy import Connection, select, update
+from sqlalchemy import Connection, or_, select, update
 
 from server.store.tables import episodes, exclusions, study_pauses
 
@@ -54,8 +54,13 @@ def restore(connection: Connection, number: int, by: str) -> bool:
 
 
 def exclusions_of(connection: Connection, participants: list[str]) -> list[Exclusion]:
-    """Return the exclusions of these participants that hold, oldest first."""
-    query = select(exclusions).where(exclusions.c.participant_id.in_(participants), exclusions.c.restored_at.is_(None))
+    """Return the exclusions that hold of these participants and of the rounds that they played, also with another
+    person; oldest first."""
+    mine = or_(episodes.c.participant_0.in_(participants), episodes.c.participant_1.in_(participants))
+    about = or_(
+        exclusions.c.participant_id.in_(participants), exclusions.c.episode_id.in_(select(episodes.c.id).where(mine))
+    )
+    query = select(exclusions).where(about, exclusions.c.restored_at.is_(None))
     return [Exclusion(**row._mapping) for row in connection.execute(query.order_by(exclusions.c.id))]
 
 

@@ -189,8 +189,7 @@ async def decide(
                 await _end_games(web, control, person)
             outcome = "released" if done else "gone"
         case "extend":
-            await web.database.write(participants.seen, person.id)
-            outcome = "extended"
+            outcome = "extended" if await web.database.write(participants.give_more_time, person.id) else "gone"
         case _:
             raise HTTPException(404, "unknown action")
     await _note(web, admin, f"{action} participant", detail | {"done": outcome != "gone"})

@@ -190,6 +190,17 @@ def test_a_freed_place_is_given_to_the_next(site: PageSite) -> None:
     assert "already ended" in researcher.post(f"{page}/release", note="again", next=page).text
 
 
+def test_only_who_still_takes_part_gets_more_time(site: PageSite) -> None:
+    Visitor(site).consent("small")
+    person = site.only("small")
+    researcher, other = signed_in(site, "act"), signed_in(site, "act")
+    page = f"/admin/s/small/person/{person.id}"
+    researcher.get(page), other.get(page)
+    assert "more time now" in other.post(f"{page}/extend", note="a call", next=page).text
+    researcher.post(f"{page}/release", note="they went home", next=page)
+    assert "already ended" in other.post(f"{page}/extend", note="a call", next=page).text
+
+
 def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: PageSite) -> None:
     import io
     import zipfile
