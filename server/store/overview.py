@@ -236,6 +236,13 @@ def client_errors(
     ]
 
 
+def with_client_errors(connection: Connection, study_ids: Sequence[int], since: datetime) -> dict[str, str]:
+    """Return the participants whose browsers have reported errors since then, with their labels."""
+    query = select(_p.id, _p.number, _p.simulated).join_from(events, participants).distinct()
+    query = query.where(_p.study_id.in_(study_ids), events.c.kind == "trouble", events.c.at > since)
+    return {row.id: label(row.number, row.simulated) for row in connection.execute(query)}
+
+
 def stored(connection: Connection, study_ids: Sequence[int]) -> dict[str, int]:
     """Episodes by how they stand."""
     query = select(_e.status, func.count()).where(_e.study_id.in_(study_ids), _e.kind == "episode")
