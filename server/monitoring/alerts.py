@@ -11,8 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import Connection
-
 from server.monitoring import invented_participants
 from server.monitoring.live_games import LiveGames, who
 from server.monitoring.needs_attention import ACT
@@ -178,7 +176,8 @@ class Alerts:
         return found
 
     async def _client_errors(self, name: str, versions: tuple[int, ...]) -> list[Alert]:
-        people = await self._live.web.database.read(_with_client_errors, versions)
+        lately = datetime.now(UTC) - overview.HERE
+        people = await self._live.web.database.read(overview.with_client_errors, versions, lately)
         return [
             Alert(
                 f"trouble {person}",
@@ -211,9 +210,3 @@ def _cause(broken: int, late: int) -> str:
     slow = "The server was too slow: the models missed their deadline"
     rest = f" in {late} of them; for the others, look at the server's log" if late < broken else ""
     return f"{slow}{rest}. Let fewer people play at once, or give the server more cores."
-
-
-def _with_client_errors(connection: Connection, versions: tuple[int, ...]) -> dict[str, str]:
-    """Return the participants whose browsers reported errors lately, with their labels."""
-    lately = datetime.now(UTC) - overview.HERE
-    return {person: who for at, person, who, _ in overview.client_errors(connection, versions) if at > lately}

@@ -35,6 +35,18 @@ def test_alerts_are_posted_when_they_begin_and_when_they_are_over(site: PageSite
     assert told[-1] == ("late", True)
 
 
+def test_the_errors_of_one_browser_do_not_hide_those_of_another(site: PageSite, tmp_path: Path) -> None:
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
+    for _ in range(2):
+        Visitor(site).consent("small")
+    people = [one.id for one in site.everybody("small")]
+    now = datetime.now(UTC)
+    for person in (people[0], *[people[1]] * 30):
+        site.database.write_now(events.add, events.Event("trouble", now, person, detail={"text": "x"}))
+    asyncio.run(alerts.look())
+    assert sorted(alerts.open) == sorted(f"trouble {person}" for person in people)
+
+
 def test_an_alert_reports_people_who_consent_and_do_nothing(site: PageSite, tmp_path: Path) -> None:
     alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
     for _ in range(invented_participants.FEWEST):
