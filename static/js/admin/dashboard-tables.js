@@ -35,7 +35,8 @@ export function showTables(figures, page) {
  * @param {Researcher.Figures} figures
  */
 function showState({ paused, closed }) {
-  place('study-state').textContent = closed ? 'Closed' : paused ? 'Paused' : 'Running';
+  const stopped = paused ? 'Paused' : 'Running';
+  place('study-state').textContent = !closed ? stopped : paused ? 'Closed, paused' : 'Closed';
   place('study-state').className = `badge ${closed ? 'plain' : paused ? 'warn' : 'good'}`;
   const button = document.querySelector('#pause-study');
   if (!(button instanceof HTMLElement) || button.matches(':active')) return; // who may only watch has none

@@ -1,0 +1,34 @@
+"""What the pages say of a study that was opened from a draft, and is paused or has another name."""
+
+from server.store import decisions
+from tests.support.draft_site import admin_site_fixture as admin_site_fixture
+from tests.support.draft_site import asked, begun, opened, source
+from tests.support.draft_site import file as file
+from tests.support.draft_site import site as site
+from tests.support.page_site import PageSite, Visitor
+from tests.support.researcher_site import signed_in
+
+
+def test_opening_a_study_that_is_paused_says_that_nobody_can_join_yet(site: PageSite) -> None:
+    researcher = signed_in(site, "own")
+    draft = begun(site, researcher)
+    opened(researcher, draft, 2)
+    site.database.write_now(decisions.pause_study, "pilot", "mara")
+    researcher.post(f"/admin/drafts/{draft}/close", study="pilot")
+    assert "Closed, paused" in researcher.get("/admin/s/pilot").text
+    assert "but paused: participants can join when you resume it" in opened(researcher, draft, 2)
+
+
+def test_a_study_whose_draft_was_renamed_and_opened_can_still_be_closed(site: PageSite) -> None:
+    researcher = signed_in(site, "own")
+    draft = begun(site, researcher)
+    opened(researcher, draft, 2)
+    renamed = source(site, draft).replace("name: pilot\n", "name: main\n")
+    asked(researcher, draft, "save", text=renamed, revision="2")
+    page = opened(researcher, draft, 3)
+    assert "The study with its former name is open, too" in page
+    assert f"{site.url}/s/pilot" in page
+    assert Visitor(site).get("/s/pilot").status_code == 200
+    assert "The study is closed" in researcher.post(f"/admin/drafts/{draft}/close", study="pilot").text
+    assert [Visitor(site).get(f"/s/{name}").status_code for name in ("pilot", "main")] == [409, 200]
+    assert f"{site.url}/s/pilot" not in researcher.get(f"/admin/drafts/{draft}").text
