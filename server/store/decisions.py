@@ -64,17 +64,8 @@ def exclusions_of(connection: Connection, participants: list[str]) -> list[Exclu
     return [Exclusion(**row._mapping) for row in connection.execute(query.order_by(exclusions.c.id))]
 
 
-def pause_game(connection: Connection, episode: str, by: str) -> bool:
-    """Pause an episode wherever it is played, from now on. Return false if it is over."""
-    return _set_paused(connection, episode, by)
-
-
-def resume_game(connection: Connection, episode: str) -> bool:
-    """Let an episode continue. Return false if it is over."""
-    return _set_paused(connection, episode, None)
-
-
-def _set_paused(connection: Connection, episode: str, by: str | None) -> bool:
+def pause_game(connection: Connection, episode: str, by: str | None) -> bool:
+    """Pause an episode wherever it is played, from now on; `by` None: let it continue. Return false if it is over."""
     unfinished = (episodes.c.id == episode, episodes.c.status.in_(("new", "running")))
     return connection.execute(update(episodes).where(*unfinished).values(paused_by=by)).rowcount == 1
 

@@ -162,7 +162,7 @@ async def test_a_paused_game_stays_paused_when_its_page_reaches_another_process(
     taken = await until(lambda: there.app.state.services.games.get(game.episode))
     await until(lambda: taken.connections and 0 not in taken.session.pause_reasons)
     assert not taken.session.moving
-    here.do(lambda: database.write(decisions.resume_game, game.episode))
+    here.do(lambda: database.write(decisions.pause_game, game.episode, None))
     await until(lambda: taken.session.moving)
     playing.cancel()
     await asyncio.gather(playing, return_exceptions=True)
