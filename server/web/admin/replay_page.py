@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from contextlib import suppress
 from typing import Final
 
 from fastapi import APIRouter, HTTPException, Request, Response, WebSocket
@@ -13,6 +14,7 @@ from server.monitoring.replay import StoredTicks, input_of, record_json, row_of,
 from server.play.close_codes import CloseCode
 from server.store import decisions, overview
 from server.store.admins import AdminSession
+from server.store.database import DatabaseDown
 from server.store.episodes import BrokenEpisode
 from server.study.locale import locale
 from server.web.admin.actions import GameDep
@@ -88,9 +90,12 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
         if card is None or now - looked >= STATUS_EVERY_S:
             looked = now
             card = await _status(socket, live, which)
-            if card is None:
+            if card is None and await _is_over(live, which[1]):
                 await send_news(socket, {"type": "over"})
                 return await socket.close(CloseCode.FINISHED, "the game is over")
+        if card is None:  # nobody plays it now, or another process is taking it up
+            await asyncio.sleep(STATUS_EVERY_S)
+            continue
         if isinstance(card, View):
             for row in await stored.new_rows(admin.blind):
                 await send_news(socket, {"type": "tick", "row": row})
@@ -103,6 +108,14 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             new = [input_of(one, session.spec.tick_ms) for one in visible(session.record.inputs, admin.blind)]
             await send_news(socket, {"type": "tick", "row": row, "inputs": new})
         await asyncio.sleep(LOOK_EVERY_S)
+
+
+async def _is_over(live: LiveGames, episode: str) -> bool:
+    """Return whether the end of the game is stored, or the game was deleted."""
+    with suppress(DatabaseDown):
+        played = (await live.web.database.read(overview.played, episode)).get(episode)
+        return played is None or played.is_over
+    return False
 
 
 async def _status(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str]) -> Card | View | None:

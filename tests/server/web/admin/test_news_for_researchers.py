@@ -13,7 +13,7 @@ from starlette.websockets import WebSocketDisconnect
 from server.play.close_codes import CloseCode
 from server.settings import ROOT
 from server.store.database import DatabaseDown
-from server.web.admin import live_boards
+from server.web.admin import live_boards, replay_page
 from server.web.admin.live_boards import converse
 
 
@@ -93,6 +93,31 @@ async def test_alerts_are_sent_while_the_database_cannot_be_read(failing: str) -
         while {"type": "alerts", "alerts": alerts} not in sent:
             await asyncio.sleep(0.01)
     telling.cancel()
+
+
+async def test_a_game_that_moves_to_another_process_is_not_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replay_page, "STATUS_EVERY_S", 0.01)
+    sent: list[dict[str, Any]] = []
+    reads = iter([DatabaseDown("away"), False, True])
+
+    async def send_text(text: str) -> None:
+        sent.append(json.loads(text))
+
+    async def read(_: object, episode: str) -> dict[str, Any]:
+        found = next(reads)
+        if isinstance(found, DatabaseDown):
+            raise found
+        return {episode: SimpleNamespace(is_over=found)}
+
+    nobody = AsyncMock(return_value=[])
+    live = SimpleNamespace(web=SimpleNamespace(database=SimpleNamespace(read=read)), cards=nobody, views=nobody)
+    socket = SimpleNamespace(send_text=send_text, close=AsyncMock())
+    async with asyncio.timeout(20):
+        await replay_page._tell(
+            cast(Any, socket), cast(Any, live), ((1,), "e1"), cast(Any, SimpleNamespace(blind=True))
+        )
+    assert sent == [{"type": "over"}]
+    assert next(reads, None) is None, "not before its end was stored"
 
 
 def test_what_is_read_of_the_application_s_state_is_set_there() -> None:
