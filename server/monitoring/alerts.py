@@ -28,6 +28,7 @@ AWAY_S: Final = 15.0  # a participant is disconnected or has the tab hidden for 
 LATE_MS: Final = 50.0  # p99 of the last ticks
 LATEST: Final = 2000  # ticks
 DISK_GB: Final = 1.0
+_UNREADABLE: Final = "unreadable"
 
 
 def message_of(alert: Alert, over: bool, public_url: str) -> dict[str, str]:
@@ -70,6 +71,8 @@ class Alerts:
         found = {
             alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
         }
+        if _UNREADABLE in found:  # what the database would say of studies is not known: it is not over either
+            found = {key: alert for key, alert in self.open.items() if alert.study} | found
         now = datetime.now(UTC)
         for key in self.open.keys() - found.keys():
             self._tell(self.open.pop(key), True)
@@ -153,7 +156,7 @@ class Alerts:
                 found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in found_signs.items()]
             found += await self._broken()
         except DatabaseDown:
-            found.append(Alert("unreadable", "The database cannot be reached."))
+            found.append(Alert(_UNREADABLE, "The database cannot be reached."))
         return found
 
     async def _broken(self) -> list[Alert]:
