@@ -173,7 +173,7 @@ class Alerts:
             text = (
                 f"{study.name}: {who(game)} cannot continue the game {game.short_name}: its stored record cannot be "
                 "played again, for the reason in the server's log. End the game on its page, and the participant "
-                "continues with the next page."
+                "can continue."
             )
             found.append(Alert(f"broken {episode}", text, f"/admin/s/{study.name}/game/{episode}", study.name))
         return found
