@@ -82,7 +82,7 @@ class Control:
             case PauseStudy(study):
                 return self._pause_study(study)
             case ResumeStudy(study):
-                return await self._resume_study(study)
+                return self._resume_study(study)
             case MessageStudy(study, text):
                 return sum(_show(game, text) for game in await self._of(self._studies.versions(study)))
             case PrepareVersion() | OpenVersion():
@@ -165,14 +165,16 @@ class Control:
             self._keeper = asyncio.create_task(self._keep())
         return 0
 
-    async def _resume_study(self, study: str) -> int:
-        """Let the games of a study continue, without those that a researcher has paused one by one."""
+    def _resume_study(self, study: str) -> int:
+        """Let the games of a study continue, without those that a researcher has paused one by one. Nothing is read:
+        whoever paused them knows them, and the database may be away."""
         self._paused.discard(study)
-        games = await self._of(self._studies.versions(study))
-        for game in games:
-            if STUDY in game.session.pause_reasons and game.session.phase != "ended":
-                _release(game, STUDY)
-        return len(games)
+        versions = self._studies.versions(study)
+        held = [game for game in self._games if STUDY in game.session.pause_reasons]
+        mine = [game for game in held if self._checked.get(game.episode) in versions and game.session.phase != "ended"]
+        for game in mine:
+            _release(game, STUDY)
+        return len(mine)
 
     async def _follow(self) -> None:
         """Pause and resume as the database says: a command from another process may have been lost."""
@@ -190,7 +192,7 @@ class Control:
         for study in stored - before:
             self._pause_study(study)
         for study in before - stored:
-            await self._resume_study(study)
+            self._resume_study(study)
 
     async def _follow_games(self) -> None:
         before = {game.episode: RESEARCHER in game.session.pause_reasons for game in self._games}

@@ -12,6 +12,7 @@ from server.monitoring.control import Control
 from server.play import messages as m
 from server.play.pause_reasons import RESEARCHER, STUDY
 from server.store import decisions
+from server.store.database import DatabaseDown
 from tests.support.live_fakes import make_spec
 from tests.support.running_games import RunningGames, running, until
 
@@ -67,6 +68,23 @@ async def test_a_game_that_was_paused_by_itself_stays_paused_when_its_study_cont
     assert await control.run(ResumeStudy("two")) == 1
     assert game.session.phase == "paused"
     await control.run(ResumeGame("e1"))
+    assert game.session.moving
+    await control.stop()
+
+
+async def test_games_continue_although_the_database_is_away_when_their_study_is_resumed(running: RunningGames) -> None:
+    _, game = await running.under_way()
+    control = control_of_study(running)
+    await control.run(PauseStudy("two"))
+    await until(lambda: STUDY in game.session.pause_reasons)
+    running.specs["e2"] = running.specs["e1"]
+    await running.play("e2")  # nobody has read yet of which study it is
+
+    async def down(*_: object) -> None:
+        raise DatabaseDown("away")
+
+    cast(Any, control._database).read = down
+    assert await control.run(ResumeStudy("two")) == 1
     assert game.session.moving
     await control.stop()
 
