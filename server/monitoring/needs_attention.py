@@ -47,7 +47,7 @@ class Attention:
                 return Flag(ACT, _AWAY[away], session.paused_since)
             return Flag(LOOK, "Paused" if session.pause_reasons.of_researcher else "Waiting", session.paused_since)
         if session.phase == "waiting":
-            return Flag(CALM, "Not started")
+            return Flag(LOOK, "Paused") if session.pause_reasons.of_researcher else Flag(CALM, "Not started")
         if session.phase == "running" and idle_s >= IDLE_S:
             return Flag(LOOK, "Idle", now - idle_s)
         if rtt_ms is not None and rtt_ms > LAG_MS:

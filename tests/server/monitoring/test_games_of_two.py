@@ -64,6 +64,15 @@ async def test_the_card_names_the_person_whose_tab_is_hidden(running: RunningGam
     assert (who(card.played), card.flag.word, card.rtt_ms) == ("P-002", "Hidden tab", 40.0)
 
 
+async def test_a_game_that_is_paused_before_its_start_is_shown_as_paused(
+    running: RunningGames, live: LiveGames
+) -> None:
+    game = await running.games.join("e1", 0, QuietConnection())
+    game.pause(RESEARCHER, "researcher")
+    (card,) = await live.cards((1,))
+    assert card.flag.word == "Paused"
+
+
 async def test_a_person_who_is_back_is_not_away_while_a_researcher_pauses_the_game(
     running: RunningGames, live: LiveGames
 ) -> None:
