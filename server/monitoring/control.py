@@ -88,7 +88,7 @@ class Control:
             case PrepareVersion() | OpenVersion():
                 return await self._run_on_versions(command)
             case _:
-                game = self._running(command.episode)
+                game = await self._running(command.episode)
                 return 0 if game is None else int(await self._run_on(game, command))
 
     async def _run_on_versions(self, command: PrepareVersion | OpenVersion) -> int:
@@ -150,7 +150,7 @@ class Control:
 
     async def _end_all(self, episodes: Sequence[str]) -> int:
         """End those of the games that run here; return when their ends are stored (or the database is away)."""
-        running = [game for game in map(self._running, episodes) if game is not None]
+        running = [game for episode in episodes if (game := await self._running(episode)) is not None]
         over = [game.episode for game in running if await self._end(game, "withdrawn")]
         with suppress(TimeoutError):
             async with asyncio.timeout(BUSY_S):
@@ -230,8 +230,8 @@ class Control:
         self._checked = {episode: version for episode, version in self._checked.items() if episode in games}
         return [game for episode, game in games.items() if self._checked.get(episode) in versions]
 
-    def _running(self, episode: str) -> Game | None:
-        game = self._games.get(episode)
+    async def _running(self, episode: str) -> Game | None:
+        game = await self._games.taken_up(episode)
         return None if game is None or game.session.phase == "ended" else game
 
 

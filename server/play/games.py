@@ -96,6 +96,13 @@ class Games:
         game.join(person, connection)
         return game
 
+    async def taken_up(self, episode: str) -> Game | None:
+        """Return the game if it is live here, also one that is just being taken up."""
+        opening = self._opening.get(episode)
+        if opening is not None:
+            await asyncio.wait({opening})
+        return self._games.get(episode)
+
     async def open(self, episode: str) -> Game:
         """Return the game, taken up from the database if it is not live here. Raises what `join` does."""
         if self.stopping:

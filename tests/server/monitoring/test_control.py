@@ -1,5 +1,6 @@
 """Commands on running games: pauses of a game and of its study, and games whose database does not commit."""
 
+import asyncio
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, cast
@@ -11,6 +12,7 @@ from server.monitoring.commands import EndGame, EndGames, PauseGame, PauseStudy,
 from server.monitoring.control import Control
 from server.play import messages as m
 from server.play.pause_reasons import RESEARCHER, STUDY
+from server.play.recorder import EpisodeRecord
 from server.store import decisions
 from server.store.database import DatabaseDown
 from tests.support.live_fakes import make_spec
@@ -136,3 +138,24 @@ async def test_a_pause_of_one_game_follows_the_database_although_its_command_is_
     await control.begin(shared=True)
     await until(lambda: (RESEARCHER in game.session.pause_reasons) is is_stored)
     await control.stop()
+
+
+async def test_a_command_reaches_a_game_that_is_just_being_taken_up(running: RunningGames, control: Control) -> None:
+    may_load, load = asyncio.Event(), running.games._load
+
+    async def load_slowly(episode: str) -> EpisodeRecord | None:
+        record = await load(episode)
+        await may_load.wait()
+        return record
+
+    running.games._load = load_slowly
+    joining = asyncio.create_task(running.play())
+    await asyncio.sleep(0.01)
+    pausing = asyncio.create_task(control.run(PauseGame("e1")))
+    await asyncio.sleep(0)
+    may_load.set()
+    assert await pausing == 1
+    await joining
+    game = running.games.get("e1")
+    assert game is not None
+    assert not game.session.moving
