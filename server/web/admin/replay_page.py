@@ -28,6 +28,8 @@ router = APIRouter(prefix="/admin/s/{name}/game/{episode}")
 LOOK_EVERY_S: Final = 0.05
 STATUS_EVERY_S: Final = 0.5
 STORED_EVERY_S: Final = 0.2
+_FLAG: Final = {"flag": "Not played now", "level": 0, "since_s": None, "rtt_ms": None}
+NOT_PLAYED: Final = {"type": "status", "phase": "paused", **_FLAG}
 
 
 @router.get("")
@@ -93,7 +95,8 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             if card is None and await _is_over(live, which[1]):
                 await send_news(socket, {"type": "over"})
                 return await socket.close(CloseCode.FINISHED, "the game is over")
-        if card is None:  # nobody plays it now, or another process is taking it up
+        if card is None:  # it is in the database alone, or another process is just taking it up
+            await send_news(socket, NOT_PLAYED)
             await asyncio.sleep(STATUS_EVERY_S)
             continue
         if isinstance(card, View):

@@ -40,7 +40,7 @@ def test_sockets_are_for_researchers_only(site: PageSite) -> None:
             with pytest.raises(InvalidStatus, match="403"):
                 connect(base + path, additional_headers=headers)
         with connect(base + path, additional_headers={"cookie": cookie}) as socket:
-            assert json.loads(socket.recv(10))["type"] in ("cards", "over")
+            assert json.loads(socket.recv(10))["type"] in ("cards", "status")
 
 
 @pytest.mark.parametrize("role", ROLES)

@@ -116,7 +116,7 @@ async def test_a_game_that_moves_to_another_process_is_not_over(monkeypatch: pyt
         await replay_page._tell(
             cast(Any, socket), cast(Any, live), ((1,), "e1"), cast(Any, SimpleNamespace(blind=True))
         )
-    assert sent == [{"type": "over"}]
+    assert [one["type"] for one in sent] == ["status", "status", "over"]
     assert next(reads, None) is None, "not before its end was stored"
 
 
