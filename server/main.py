@@ -160,8 +160,9 @@ async def _services(
     control = await _control(web, games, versions, sockets, stack, shared=node is not None)
     hook = _webhook(settings)
     alerts = Alerts(live, dashboard.file, _teller(settings, hook), versions)
+    rehearsals = Rehearsals(stack, settings.data)
     if node is not None:
-        node.show(live, control, partial(_state, live, models, alerts, versions))
+        node.show(live, control, partial(_state, live, models, (alerts, versions, rehearsals)))
     services = Services(
         settings=settings,
         web=web,
@@ -179,7 +180,7 @@ async def _services(
         rates=Rates(),
         hashing=Hashing(),
         commits=Commits(),
-        rehearsals=Rehearsals(stack, settings.data),
+        rehearsals=rehearsals,
         reports=StudyReports(web.database, settings.database, stack),
     )
     _run(stack, alerts, services.latency_history, versions, LanguageFolder(settings.data), hook)
@@ -193,9 +194,10 @@ def _run(
     stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in works if work is not None))
 
 
-def _state(live: LiveGames, models: ModelServer, alerts: Alerts, versions: StudyVersions, name: str) -> Process:
+def _state(live: LiveGames, models: ModelServer, parts: tuple[Alerts, StudyVersions, Rehearsals], name: str) -> Process:
     """Return the status of this process for the others."""
-    return Process(name, metrics_of(live, models), alerts.shared(), versions.served())
+    alerts, versions, rehearsals = parts
+    return Process(name, metrics_of(live, models), alerts.shared(), versions.served(), rehearsals.shared())
 
 
 def _unstored(

@@ -11,8 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import Connection
-
 from server.monitoring import invented_participants
 from server.monitoring.live_games import LiveGames, who
 from server.monitoring.needs_attention import ACT
@@ -30,6 +28,7 @@ AWAY_S: Final = 15.0  # a participant is disconnected or has the tab hidden for 
 LATE_MS: Final = 50.0  # p99 of the last ticks
 LATEST: Final = 2000  # ticks
 DISK_GB: Final = 1.0
+_UNREADABLE: Final = "unreadable"
 
 
 def message_of(alert: Alert, over: bool, public_url: str) -> dict[str, str]:
@@ -72,6 +71,8 @@ class Alerts:
         found = {
             alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
         }
+        if _UNREADABLE in found:  # what the database would say of studies is not known: it is not over either
+            found = {key: alert for key, alert in self.open.items() if alert.study} | found
         now = datetime.now(UTC)
         for key in self.open.keys() - found.keys():
             self._tell(self.open.pop(key), True)
@@ -91,7 +92,14 @@ class Alerts:
         now = datetime.now(UTC)
         of_all = {(alert.key, alert.text): alert for alert in (*self._peers, *self.open.values())}  # each once
         mine = [alert for alert in of_all.values() if alert.study in ("", study) and not _is_of_game(alert)]
-        return [{"text": one.text, "since_s": round((now - (one.since or now)).total_seconds())} for one in mine]
+        return [
+            {
+                "text": one.text,
+                "path": one.path if "/game/" in one.path else "",
+                "since_s": round((now - (one.since or now)).total_seconds()),
+            }
+            for one in mine
+        ]
 
     def _late(self, others: list[Process]) -> list[Alert]:
         """Of those processes."""
@@ -146,12 +154,33 @@ class Alerts:
                 found += await self._client_errors(name, versions) if leads else []
                 found_signs = await invented_participants.signs(self._live.web, name, versions, leads)
                 found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in found_signs.items()]
+            found += await self._broken()
         except DatabaseDown:
-            found.append(Alert("unreadable", "The database cannot be reached."))
+            found.append(Alert(_UNREADABLE, "The database cannot be reached."))
+        return found
+
+    async def _broken(self) -> list[Alert]:
+        """Return alerts about games that cannot be taken up, until a researcher ends them: their participants wait."""
+        live, found = self._live, []
+        known = tuple(live.games.broken)
+        played = await live.web.database.read(overview.played, *known) if known else {}
+        for episode in known:
+            game = played.get(episode)
+            study = None if game is None or game.is_over else live.web.studies.version(game.study_id)
+            if game is None or study is None:
+                live.games.broken.discard(episode)
+                continue
+            text = (
+                f"{study.name}: {who(game)} cannot continue the game {game.short_name}: its stored record cannot be "
+                "played again, for the reason in the server's log. End the game on its page, and the participant "
+                "can continue."
+            )
+            found.append(Alert(f"broken {episode}", text, f"/admin/s/{study.name}/game/{episode}", study.name))
         return found
 
     async def _client_errors(self, name: str, versions: tuple[int, ...]) -> list[Alert]:
-        people = await self._live.web.database.read(_with_client_errors, versions)
+        lately = datetime.now(UTC) - overview.HERE
+        people = await self._live.web.database.read(overview.with_client_errors, versions, lately)
         return [
             Alert(
                 f"trouble {person}",
@@ -184,9 +213,3 @@ def _cause(broken: int, late: int) -> str:
     slow = "The server was too slow: the models missed their deadline"
     rest = f" in {late} of them; for the others, look at the server's log" if late < broken else ""
     return f"{slow}{rest}. Let fewer people play at once, or give the server more cores."
-
-
-def _with_client_errors(connection: Connection, versions: tuple[int, ...]) -> dict[str, str]:
-    """Return the participants whose browsers reported errors lately, with their labels."""
-    lately = datetime.now(UTC) - overview.HERE
-    return {person: who for at, person, who, _ in overview.client_errors(connection, versions) if at > lately}

@@ -26,10 +26,11 @@ from server.monitoring.commands import (
 from server.participation.served_studies import Studies
 from server.participation.study_changes import ServedVersion, Versions
 from server.play.game import Game
-from server.play.games import Games
+from server.play.games import Games, NoGame
 from server.play.messages import Notice
-from server.play.pause_reasons import RESEARCHER
-from server.store import decisions, overview
+from server.play.pause_reasons import ENDING, RESEARCHER, STUDY, Holder
+from server.play.recorder import RecorderDown
+from server.store import decisions, overview, unplayable_episodes
 from server.store.database import Database, DatabaseDown
 from server.study.loader import StudyError
 
@@ -37,6 +38,7 @@ log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 0.25  # the countdown takes 3 s, so no game of a paused study can start
 FOLLOW_EVERY_S: Final = 1.0
 BUSY_S: Final = 3.0
+_REASON: Final = "researcher"  # what participants and the data are told of all pauses by a researcher
 
 
 class Control:
@@ -53,7 +55,7 @@ class Control:
         """`dismiss` closes the sockets of a participant who was deleted."""
         self._games, self._database, self._studies, self._versions = games, database, studies, versions
         self._dismiss = dismiss
-        self._paused: dict[str, tuple[int, ...]] = {}  # study -> its versions
+        self._paused: set[str] = set()  # studies
         self._checked: dict[str, int] = {}  # episode -> version, of games seen while a study is paused
         self._keeper: asyncio.Task[None] | None = None
         self._follower: asyncio.Task[None] | None = None
@@ -80,13 +82,13 @@ class Control:
             case PauseStudy(study):
                 return self._pause_study(study)
             case ResumeStudy(study):
-                return await self._resume_study(study)
+                return self._resume_study(study)
             case MessageStudy(study, text):
                 return sum(_show(game, text) for game in await self._of(self._studies.versions(study)))
             case PrepareVersion() | OpenVersion():
                 return await self._run_on_versions(command)
             case _:
-                game = self._running(command.episode)
+                game = await self._running(command.episode)
                 return 0 if game is None else int(await self._run_on(game, command))
 
     async def _run_on_versions(self, command: PrepareVersion | OpenVersion) -> int:
@@ -104,9 +106,9 @@ class Control:
     async def _run_on(self, game: Game, command: AnyGameCommand) -> bool:
         match command:
             case PauseGame():
-                game.pause(RESEARCHER, "researcher")
+                game.pause(RESEARCHER, _REASON)
             case ResumeGame():
-                _release(game)
+                _release(game, RESEARCHER)
             case SendMessage(_, text):
                 return _show(game, text)
             case ExtendAbsence(_, seconds):
@@ -118,22 +120,37 @@ class Control:
 
     async def _end(self, game: Game, reason: str) -> bool:
         """End the game. False: its database is away, and the game is as it was."""
-        was_held = RESEARCHER in game.session.pause_reasons
-        game.pause(RESEARCHER, "researcher")
+        game.pause(ENDING, _REASON)
         try:
             async with asyncio.timeout(BUSY_S):
                 while game.busy:
                     await asyncio.sleep(0.01)
         except TimeoutError:
-            if not was_held:  # nobody would resume a game that no researcher has paused
-                _release(game)
+            _release(game, ENDING)
             return False
         self._games.abort(game, reason)
         return True
 
+    async def end_stored(self, episode: str) -> bool:
+        """End an episode that no process plays, also one that cannot be played any more. False: it is over, or the
+        database is away."""
+        if self._games.get(episode) is not None:
+            return False  # it ends already, or could not be ended a moment ago
+        try:
+            game = await self._games.open(episode)
+        except (NoGame, RecorderDown):
+            return False
+        except Exception:
+            log.exception("episode %s cannot be taken up: it is ended as it is stored", episode)
+            try:
+                return await self._database.write(unplayable_episodes.end, episode)
+            except DatabaseDown:
+                return False
+        return await self._end(game, "researcher")
+
     async def _end_all(self, episodes: Sequence[str]) -> int:
         """End those of the games that run here; return when their ends are stored (or the database is away)."""
-        running = [game for game in map(self._running, episodes) if game is not None]
+        running = [game for episode in episodes if (game := await self._running(episode)) is not None]
         over = [game.episode for game in running if await self._end(game, "withdrawn")]
         with suppress(TimeoutError):
             async with asyncio.timeout(BUSY_S):
@@ -143,42 +160,66 @@ class Control:
 
     def _pause_study(self, study: str) -> int:
         """Pause the games of a study, and those that are opened later."""
-        self._paused[study] = self._studies.versions(study)
+        self._paused.add(study)
         if self._keeper is None or self._keeper.done():
             self._keeper = asyncio.create_task(self._keep())
         return 0
 
-    async def _resume_study(self, study: str) -> int:
-        games = await self._of(self._paused.pop(study, ()))
-        for game in games:
-            if game.session.phase != "ended":
-                _release(game)
-        return len(games)
+    def _resume_study(self, study: str) -> int:
+        """Let the games of a study continue, without those that a researcher has paused one by one. Nothing is read:
+        whoever paused them knows them, and the database may be away."""
+        self._paused.discard(study)
+        versions = self._studies.versions(study)
+        held = [game for game in self._games if STUDY in game.session.pause_reasons]
+        mine = [game for game in held if self._checked.get(game.episode) in versions and game.session.phase != "ended"]
+        for game in mine:
+            _release(game, STUDY)
+        return len(mine)
 
     async def _follow(self) -> None:
-        """Pause and resume studies as the database says: a command from another process may have been lost."""
+        """Pause and resume as the database says: a command from another process may have been lost."""
         while True:
             await asyncio.sleep(FOLLOW_EVERY_S)
-            before = set(self._paused)
             with suppress(DatabaseDown):  # no game runs then anyway
-                stored = await self._database.read(decisions.paused_studies)
-                if self._paused.keys() != before:
-                    continue  # a command arrived in between, which may be newer than the data read
-                for study in stored - before:
-                    self._pause_study(study)
-                for study in before - stored:
-                    await self._resume_study(study)
+                await self._follow_studies()
+                await self._follow_games()
+
+    async def _follow_studies(self) -> None:
+        before = set(self._paused)
+        stored = await self._database.read(decisions.paused_studies)
+        if self._paused != before:
+            return  # a command arrived in between, which may be newer than the data read
+        for study in stored - before:
+            self._pause_study(study)
+        for study in before - stored:
+            self._resume_study(study)
+
+    async def _follow_games(self) -> None:
+        before = {game.episode: RESEARCHER in game.session.pause_reasons for game in self._games}
+        stored = await self._database.read(decisions.paused_games, *before) if before else set()
+        for game in self._games:
+            is_paused = RESEARCHER in game.session.pause_reasons
+            if game.session.phase == "ended" or before.get(game.episode) is not is_paused:
+                continue  # new here, or a command arrived in between
+            if is_paused and game.episode not in stored:
+                _release(game, RESEARCHER)
+            elif not is_paused and game.episode in stored:
+                game.pause(RESEARCHER, _REASON)
 
     async def _keep(self) -> None:
         while self._paused:
             try:
-                for game in await self._of(tuple(number for versions in self._paused.values() for number in versions)):
-                    if game.session.phase != "ended" and RESEARCHER not in game.session.pause_reasons:
-                        game.pause(RESEARCHER, "researcher")
+                for study in tuple(self._paused):
+                    await self._pause_games(study)
             except DatabaseDown:
                 pass  # no game runs then anyway
             await asyncio.sleep(LOOK_EVERY_S)
         self._checked.clear()
+
+    async def _pause_games(self, study: str) -> None:
+        for game in await self._of(self._studies.versions(study)):
+            if study in self._paused and game.session.phase != "ended" and STUDY not in game.session.pause_reasons:
+                game.pause(STUDY, _REASON)
 
     async def _of(self, versions: tuple[int, ...]) -> list[Game]:
         games = {game.episode: game for game in self._games}
@@ -189,13 +230,13 @@ class Control:
         self._checked = {episode: version for episode, version in self._checked.items() if episode in games}
         return [game for episode, game in games.items() if self._checked.get(episode) in versions]
 
-    def _running(self, episode: str) -> Game | None:
-        game = self._games.get(episode)
+    async def _running(self, episode: str) -> Game | None:
+        game = await self._games.taken_up(episode)
         return None if game is None or game.session.phase == "ended" else game
 
 
-def _release(game: Game) -> None:
-    game.release(RESEARCHER)
+def _release(game: Game, holder: Holder) -> None:
+    game.release(holder)
     game.tell_paused()
 
 

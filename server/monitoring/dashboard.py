@@ -16,7 +16,7 @@ from server.monitoring.data_quality import DataQuality
 from server.monitoring.enrolment_flow import GONE, arms_of, flow_of, stock
 from server.monitoring.live_games import LiveGames
 from server.participation.served_studies import Studies
-from server.store import decisions, overview, participants
+from server.store import decisions, overview, participants, study_openings
 from server.store.accuracy import RunningAccuracy, wilson
 from server.store.displays import DisplayCount
 from server.store.overview import Person
@@ -101,6 +101,7 @@ class Dashboard:
             "flow": flow_of(study, held),
             "stored": overview.stored(connection, study_ids),
             "paused": study.name in decisions.paused_studies(connection),
+            "closed": study.name in study_openings.closed(connection),
             "client_errors": [
                 {"at": at.isoformat(), "person": person, "who": who, "text": text}
                 for at, person, who, text in overview.client_errors(connection, study_ids)

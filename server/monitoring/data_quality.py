@@ -30,17 +30,20 @@ class DataQuality:
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self._known: dict[str, tuple[Key, EpisodeQuality]] = {}
+        self._known: dict[str, tuple[set[Key], EpisodeQuality]] = {}  # by episode, with a key for each of its people
         self._checking = asyncio.Lock()
 
     async def look(self, study_ids: tuple[int, ...]) -> int:
         """Check some that are new, latest first; return how many are still to be checked. Raises DatabaseDown."""
         async with self._checking:
-            new = [key for key in await self._database.read(_over, study_ids) if self._is_new(key)]
+            keys: dict[str, set[Key]] = {}
+            for key in await self._database.read(_over, study_ids):
+                keys.setdefault(key[0], set()).add(key)
+            new = [episode for episode, its_keys in keys.items() if self._is_new(episode, its_keys)]
             for start in range(0, min(A_LOOK, len(new)), AT_ONCE):
                 some = new[start : start + AT_ONCE]
-                found = await self._database.read(_proposals, [episode for episode, *_ in some])
-                self._known |= {key[0]: (key, found.get(key[0], EpisodeQuality("keep", ""))) for key in some}
+                found = await self._database.read(_proposals, some)
+                self._known |= {each: (keys[each], found.get(each, EpisodeQuality("keep", ""))) for each in some}
             return max(0, len(new) - A_LOOK)
 
     def of(self, episode: str) -> EpisodeQuality | None:
@@ -51,13 +54,14 @@ class DataQuality:
     def by_person(self) -> dict[str, Counter[str]]:
         """Return how often each participant's episodes were proposed to be kept, looked at or dropped."""
         found: dict[str, Counter[str]] = {}
-        for (_, person, _), one in self._known.values():
-            found.setdefault(person, Counter())[one.proposal] += 1
+        for keys, one in self._known.values():
+            for _, person, _ in keys:
+                found.setdefault(person, Counter())[one.proposal] += 1
         return found
 
-    def _is_new(self, key: "Key") -> bool:
-        known = self._known.get(key[0])
-        return known is None or known[0] != key
+    def _is_new(self, episode: str, keys: "set[Key]") -> bool:
+        known = self._known.get(episode)
+        return known is None or known[0] != keys
 
 
 def load_rules() -> None:

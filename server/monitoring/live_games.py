@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -24,10 +25,11 @@ _SAMPLES: Final = 4000
 
 @dataclass(frozen=True)
 class Card:
-    """One running game and its participant."""
+    """One running game and its participant; of two, the one who needs attention most."""
 
     game: Game
     played: Played
+    people: tuple[str, ...]  # the ids of all its participants
     flag: Flag
     rtt_ms: float | None
 
@@ -40,7 +42,7 @@ class LiveGames:
         self.peers = peers or SingleProcess()
         self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while a dashboard is open
         self._attention = Attention()
-        self._played: dict[str, Played] = {}
+        self._players: dict[str, tuple[Played, ...]] = {}
         self._cards: tuple[float, list[Card]] = (-1e9, [])
         self._views: tuple[float, list[View]] = (-1e9, [])
         self._looking = asyncio.Lock()
@@ -87,23 +89,27 @@ class LiveGames:
     async def _look(self) -> None:
         running = [game for game in self.games if game.session.phase != "ended"]
         known = {game.episode for game in running}
-        unknown = [episode for episode in known if episode not in self._played]
+        unknown = [episode for episode in known if episode not in self._players]
         if unknown:
-            self._played |= await self.web.database.read(overview.played, *unknown)
-        self._played = {episode: played for episode, played in self._played.items() if episode in known}
+            self._players |= await self.web.database.read(overview.players, *unknown)
+        self._players = {episode: players for episode, players in self._players.items() if episode in known}
         self._attention.forget(known)
         self._boards = {key: board for key, board in self._boards.items() if key[0] in known}
         rtts, now = self.sockets.rtts_ms(), self.games.clock.now()
         cards = []
         for game in running:
-            played = self._played.get(game.episode)
-            if played is not None:
-                rtt_ms = rtts.get(played.participant_id)
-                cards.append(Card(game, played, self._attention.flag(game, played.seat, rtt_ms, now), rtt_ms))
+            if players := self._players.get(game.episode):
+                cards.append(self._card(game, players, rtts, now))
             record = game.session.record
             if record is not None and game.session.phase == "running":
                 self.models_ms.append(record.models_ms)
         self._cards = (time.monotonic(), cards)
+
+    def _card(self, game: Game, players: Sequence[Played], rtts: Mapping[str, float], now: float) -> Card:
+        flags = [self._attention.flag(game, one.seat, rtts.get(one.participant_id), now) for one in players]
+        played, flag = max(zip(players, flags, strict=True), key=lambda pair: pair[1].level)
+        people = tuple(one.participant_id for one in players)
+        return Card(game, played, people, flag, rtts.get(played.participant_id))
 
     def encoded_board(self, game: Game, blind: bool) -> msgspec.Raw:
         """Return `board_of` as JSON, made once per timestep however many pages show it."""
@@ -132,6 +138,7 @@ def card_of(live: LiveGames, card: Card, arms: dict[str, str]) -> dict[str, Any]
         "id": played.id,
         "who": who(played),
         "person": played.participant_id,
+        "people": list(card.people),
         "episode": played.short_name,
         "agent": played.agent,
         "title": session.spec.title,

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from server.play.game import Game
-from server.play.pause_reasons import RESEARCHER
 
 IDLE_S = 20.0
 LAG_MS = 250.0
@@ -33,7 +32,7 @@ class Attention:
     """Samples games, and keeps since when each participant has been idle."""
 
     def __init__(self) -> None:
-        self._seen: dict[str, _Seen] = {}
+        self._seen: dict[tuple[str, int], _Seen] = {}  # by episode and seat
 
     def flag(self, game: Game, seat: int, rtt_ms: float | None, now: float) -> Flag:
         """Return the flag of the person on this seat."""
@@ -43,11 +42,12 @@ class Attention:
         if session.phase in ("paused", "waiting") and seat not in game.connections and (pause or session.resumed):
             return Flag(ACT, "Disconnected", session.paused_since)
         if session.phase == "paused" and pause is not None:
-            if pause.reason in _AWAY:
-                return Flag(ACT, _AWAY[pause.reason], session.paused_since)
-            return Flag(LOOK, "Paused" if RESEARCHER in session.pause_reasons else "Waiting", session.paused_since)
+            away = session.pause_reasons.away_reason(seat)
+            if away is not None:
+                return Flag(ACT, _AWAY[away], session.paused_since)
+            return Flag(LOOK, "Paused" if session.pause_reasons.of_researcher else "Waiting", session.paused_since)
         if session.phase == "waiting":
-            return Flag(CALM, "Not started")
+            return Flag(LOOK, "Paused") if session.pause_reasons.of_researcher else Flag(CALM, "Not started")
         if session.phase == "running" and idle_s >= IDLE_S:
             return Flag(LOOK, "Idle", now - idle_s)
         if rtt_ms is not None and rtt_ms > LAG_MS:
@@ -56,16 +56,16 @@ class Attention:
 
     def forget(self, kept: set[str]) -> None:
         """Forget all games but these."""
-        self._seen = {episode: seen for episode, seen in self._seen.items() if episode in kept}
+        self._seen = {key: seen for key, seen in self._seen.items() if key[0] in kept}
 
     def _idle_s(self, game: Game, seat: int, now: float) -> float:
         session = game.session
         keys = session.keys.get(seat)
         actions = session.simulation.last_actions
         seq = keys.seq if keys else 0
-        seen = self._seen.get(session.episode)
+        seen = self._seen.get((session.episode, seat))
         moved = actions is not None and actions[seat] != _STAY
         if seen is None or seq != seen.seq or moved or session.phase != "running":
-            self._seen[session.episode] = _Seen(seq, now)
+            self._seen[session.episode, seat] = _Seen(seq, now)
             return 0.0
         return now - seen.since

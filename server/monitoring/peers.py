@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any, Protocol
 
 from server.monitoring.commands import AnyGameCommand, BroadcastCommand
+from server.monitoring.rehearsals import Rehearsal
 from server.participation.study_changes import ServedVersion
 
 
@@ -40,12 +41,13 @@ class Alert:
 
 @dataclass(frozen=True)
 class Process:
-    """The status of another process: its figures, its alerts, and the studies it serves."""
+    """The status of another process: its figures, its alerts, the studies it serves, and its rehearsals."""
 
     name: str
     figures: dict[str, float]
     alerts: tuple[Alert, ...] = ()
     served: tuple[ServedVersion, ...] = ()
+    rehearsals: tuple[Rehearsal, ...] = ()
 
 
 class Peers(Protocol):

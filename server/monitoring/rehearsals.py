@@ -10,8 +10,9 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+import time
+from collections.abc import Awaitable, Callable, Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,7 +29,8 @@ _MAX_MESSAGE: Final = 4000
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """One rehearsal of a draft. `outcome`: what `kitchenmind bots --json` printed; `failure`: why there is none."""
+    """One rehearsal of a draft. `outcome`: what `kitchenmind bots --json` printed; `failure`: why there is none;
+    `began_at`: in Unix seconds."""
 
     draft: int
     revision: int
@@ -37,6 +39,7 @@ class Rehearsal:
     is_running: bool = True
     outcome: dict[str, Any] = field(default_factory=dict)
     failure: str = ""
+    began_at: float = field(default_factory=time.time)
 
 
 Note = Callable[[Rehearsal], Awaitable[Any]]
@@ -52,8 +55,14 @@ class Rehearsals:
         self._task: asyncio.Task[None] | None = None
         stack.push_async_callback(self.stop)
 
-    def of(self, draft: int) -> Rehearsal | None:
-        return self._newest.get(draft)
+    def of(self, draft: int, of_others: Iterable[Rehearsal] = ()) -> Rehearsal | None:
+        """Return the newest rehearsal of a draft. `of_others`: those of other processes of this server."""
+        found = [one for one in (*self._newest.values(), *of_others) if one.draft == draft]
+        return max(found, key=lambda one: one.began_at, default=None)
+
+    def shared(self) -> tuple[Rehearsal, ...]:
+        """Return the rehearsals of this process for the pages of the others."""
+        return tuple(self._newest.values())
 
     @property
     def is_busy(self) -> bool:
@@ -82,7 +91,7 @@ class Rehearsals:
         with contextlib.suppress(ValueError):
             outcome = json.loads(output)
         failure = "" if outcome else (errors.strip()[-_MAX_MESSAGE:] or f"the command ended with status {status}")
-        over = Rehearsal(rehearsal.draft, rehearsal.revision, rehearsal.number, rehearsal.by, False, outcome, failure)
+        over = replace(rehearsal, is_running=False, outcome=outcome, failure=failure)
         try:
             await note(over)
         except Exception:

@@ -63,6 +63,7 @@ class Games:
         self._tasks: set[asyncio.Task[Any]] = set()
         self._keeper: asyncio.Task[None] | None = None
         self.stopping = False
+        self.broken: set[str] = set()  # episodes that somebody wants to play and that cannot be taken up
 
     def __len__(self) -> int:
         return len(self._games)
@@ -88,15 +89,42 @@ class Games:
                 self.let_go(game)
             game = self._games.get(episode)  # it may have been forgotten in the meantime
         if game is None:
-            opening = self._opening.get(episode)
-            if opening is None:
-                opening = self._opening[episode] = asyncio.create_task(self._open(episode))
-                opening.add_done_callback(lambda _: self._opening.pop(episode, None))
-            game = await asyncio.shield(opening)
+            game = await self.open(episode)
         await self._until_stored(game)
         if game.session.phase == "ended":
             raise NoGame(f"episode {episode} is over")
         game.join(person, connection)
+        return game
+
+    async def taken_up(self, episode: str) -> Game | None:
+        """Return the game if it is live here, also one that is just being taken up."""
+        opening = self._opening.get(episode)
+        if opening is not None:
+            await asyncio.wait({opening})
+        return self._games.get(episode)
+
+    async def open(self, episode: str) -> Game:
+        """Return the game, taken up from the database if it is not live here. Raises what `join` does."""
+        if self.stopping:
+            raise NoGame("the server is going down")
+        game = self._games.get(episode)
+        if game is not None:
+            return game
+        opening = self._opening.get(episode)
+        if opening is None:
+            opening = self._opening[episode] = asyncio.create_task(self._open(episode))
+            opening.add_done_callback(lambda _: self._opening.pop(episode, None))
+        try:
+            game = await asyncio.shield(opening)
+        except RecorderDown:
+            raise
+        except NoGame:
+            self.broken.discard(episode)
+            raise
+        except Exception:
+            self.broken.add(episode)
+            raise
+        self.broken.discard(episode)
         return game
 
     async def _until_stored(self, game: Game) -> None:
@@ -115,6 +143,8 @@ class Games:
         game = Game(session, self.clock, self._recorder, self.loop.start, self.loop.stop)
         if session.resumed:
             game.interrupted(record.known_at)
+        if record.is_paused:
+            game.pause(RESEARCHER, "researcher")
         self._records[episode] = record
         self._games[episode] = game
         if session.over:
@@ -220,5 +250,5 @@ class Games:
 def _is_forgettable(game: Game, now: float) -> bool:
     """Return whether nobody has been there for a while. A game that a researcher pauses is kept: it would continue
     without the researcher, or an absence would never end it."""
-    paused = game.session.phase == "paused" and RESEARCHER in game.session.pause_reasons
+    paused = game.session.phase == "paused" and game.session.pause_reasons.of_researcher
     return not paused and not game.connections and now - game.idle_since > FORGET_AFTER_S

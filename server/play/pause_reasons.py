@@ -7,15 +7,18 @@ from server.play.episode_spec import PauseLimits
 from server.play.recorder import AWAY_REASONS
 
 DATABASE = "database"
-RESEARCHER = "researcher"
+RESEARCHER = "researcher"  # a researcher paused this game
+STUDY = "study"  # a researcher paused all games of the study
+ENDING = "ending"  # a researcher ends this game as soon as its state is stored
 SERVER = "server"  # it stops, or has not responded for a moment
 NOT_STARTED = "not_started"  # the participant has not pressed start yet: no pause, no limit
 
 MIN_ABSENCE_S = 0.5  # the least that an absence counts for, which limits the number of pauses of a game
 
 Holder = int | str  # a person's seat, or one of the above
-_OF_THE_SERVER = (DATABASE, RESEARCHER, SERVER)  # the first that holds is the reason to show
-_STOP_ABSENCES = (DATABASE, RESEARCHER)  # while one of them holds, nobody could return: absences do not count
+_OF_RESEARCHERS = (RESEARCHER, STUDY, ENDING)  # the participant is told the same of all
+_OF_THE_SERVER = (DATABASE, *_OF_RESEARCHERS, SERVER)  # the first that holds is the reason to show
+_STOP_ABSENCES = (DATABASE, *_OF_RESEARCHERS)  # while one of them holds, nobody could return: absences do not count
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,18 @@ class PauseReasons:
     def __contains__(self, holder: Holder) -> bool:
         return holder in self._held
 
+    @property
+    def of_researcher(self) -> bool:
+        """Whether a researcher pauses the game, alone or with its study."""
+        return any(holder in self._held for holder in _OF_RESEARCHERS)
+
     def is_away(self, holder: Holder) -> bool:
         """Return whether this holder's time counts as an absence."""
         return holder in self._held and self._held[holder].reason in AWAY_REASONS
+
+    def away_reason(self, person: int) -> str | None:
+        """Return the reason of this person's absence; None: the person is there."""
+        return self._held[person].reason if self.is_away(person) else None
 
     def hold(self, holder: Holder, reason: str, now: float) -> None:
         """A person who is away already stays away since the first moment; one whom the server kept waiting does not."""

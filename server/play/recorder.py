@@ -135,6 +135,7 @@ class EpisodeRecord:
     inputs: Mapping[int, StoredInputs] = field(default_factory=dict)  # by seat; nothing for a seat without inputs
     asked: bool | None = None  # of the last stored tick
     displayed_intention: ShownIntention | None = None  # of the last stored tick
+    is_paused: bool = False  # by a researcher
 
 
 @dataclass(frozen=True)

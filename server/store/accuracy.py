@@ -49,7 +49,10 @@ class RunningAccuracy:
         query = select(_e.id, _e.layout, _e.watched_seat, agent.label("agent")).where(
             _e.study_id.in_(study_ids), _e.kind == "episode", _e.status == "done", _e.predictor.is_not(None), _of(group)
         )
-        new = [row for row in connection.execute(query) if row.id not in self._counted]
+        played = connection.execute(query).all()
+        if not self._counted <= {row.id for row in played}:  # a participant was deleted: count the others again
+            self.hits, self._counted = {}, set()
+        new = [row for row in played if row.id not in self._counted]
         for row in new[:EPISODES_A_CALL]:
             hits = self.hits.setdefault((row.agent or "", row.layout), Hits())
             for step, (asked, right) in enumerate(hits_of(connection, row.id, row.watched_seat)):

@@ -1,12 +1,12 @@
-"""Decisions of researchers about data and studies: exclusions, which can be undone, and pauses of whole studies."""
+"""Decisions of researchers about data and studies: exclusions, which can be undone, and pauses of games and studies."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
-from sqlalchemy import Connection, select, update
+from sqlalchemy import Connection, or_, select, update
 
-from server.store.tables import exclusions, study_pauses
+from server.store.tables import episodes, exclusions, study_pauses
 
 # What a researcher can choose from; stored with the decision and shown in the analysis as it is.
 EXCLUSION_REASONS: Final = (
@@ -54,9 +54,26 @@ def restore(connection: Connection, number: int, by: str) -> bool:
 
 
 def exclusions_of(connection: Connection, participants: list[str]) -> list[Exclusion]:
-    """Return the exclusions of these participants that hold, oldest first."""
-    query = select(exclusions).where(exclusions.c.participant_id.in_(participants), exclusions.c.restored_at.is_(None))
+    """Return the exclusions that hold of these participants and of the rounds that they played, also with another
+    person; oldest first."""
+    mine = or_(episodes.c.participant_0.in_(participants), episodes.c.participant_1.in_(participants))
+    about = or_(
+        exclusions.c.participant_id.in_(participants), exclusions.c.episode_id.in_(select(episodes.c.id).where(mine))
+    )
+    query = select(exclusions).where(about, exclusions.c.restored_at.is_(None))
     return [Exclusion(**row._mapping) for row in connection.execute(query.order_by(exclusions.c.id))]
+
+
+def pause_game(connection: Connection, episode: str, by: str | None) -> bool:
+    """Pause an episode wherever it is played, from now on; `by` None: let it continue. Return false if it is over."""
+    unfinished = (episodes.c.id == episode, episodes.c.status.in_(("new", "running")))
+    return connection.execute(update(episodes).where(*unfinished).values(paused_by=by)).rowcount == 1
+
+
+def paused_games(connection: Connection, *ids: str) -> set[str]:
+    """Return those of these episodes that a researcher pauses one by one."""
+    query = select(episodes.c.id).where(episodes.c.id.in_(ids), episodes.c.paused_by.is_not(None))
+    return set(connection.execute(query).scalars())
 
 
 def pause_study(connection: Connection, study: str, by: str) -> bool:

@@ -78,7 +78,9 @@ class DisplayCount:
     def count(self, connection: Connection, study_ids: Sequence[int]) -> None:
         """Count the next episodes that have ended. For one thread at a time."""
         query = select(_e.id).where(_e.study_id.in_(study_ids), _e.status.in_(("done", "aborted")))
-        new = [row.id for row in connection.execute(query) if row.id not in self.by_episode]
+        over = connection.execute(query).scalars().all()
+        self.by_episode = {each: self.by_episode[each] for each in over if each in self.by_episode}  # without deleted
+        new = [each for each in over if each not in self.by_episode]
         some = new[:EPISODES_A_CALL]
         found = violations(connection, some)
         self.by_episode |= {episode: found.get(episode, NO_VIOLATIONS) for episode in some}

@@ -177,6 +177,7 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         inputs=input_rows.stored(connection, episode_id),
         asked=last.asked if last else None,
         displayed_intention=last.displayed_intention if last else None,
+        is_paused=row.paused_by is not None,
     )
 
 

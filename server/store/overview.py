@@ -67,6 +67,11 @@ class Played:
     score: int | None
     started_at: datetime | None
     ended_at: datetime | None
+    paused_by: str | None
+
+    @property
+    def is_over(self) -> bool:
+        return self.status in ("done", "aborted")
 
     @property
     def short_name(self) -> str:
@@ -178,9 +183,18 @@ def _people() -> Any:
     return select(*own, *counts)
 
 
+def players(connection: Connection, *ids: str) -> dict[str, tuple[Played, ...]]:
+    """Return these episodes for each of their participants, by id and in the order of their seats; without those that
+    belong to no participant of a study."""
+    found: dict[str, tuple[Played, ...]] = {}
+    for one in sorted(_played(connection, _e.id.in_(ids)), key=lambda one: one.seat):
+        found[one.id] = (*found.get(one.id, ()), one)
+    return found
+
+
 def played(connection: Connection, *ids: str) -> dict[str, Played]:
-    """Return these episodes, by id; without those that belong to no participant of a study."""
-    return {one.id: one for one in _played(connection, _e.id.in_(ids))}
+    """Return these episodes, by id: of a round of two people, for the one on the first seat."""
+    return {episode: of_episode[0] for episode, of_episode in players(connection, *ids).items()}
 
 
 def played_by(connection: Connection, participant_id: str) -> list[Played]:
@@ -204,7 +218,7 @@ def _played(
         _e.number.label("episode"), named.label("agent"), _e.layout,
         _e.shown, is_misleading().label("misleading"),
         case((_e.participant_0 == _p.id, 0), else_=1).label("seat"), _e.status, _e.end_reason, _e.score,
-        _e.started_at, _e.ended_at,
+        _e.started_at, _e.ended_at, _e.paused_by,
     )  # fmt: skip
     query = query.join_from(episodes, participants, or_(_e.participant_0 == _p.id, _e.participant_1 == _p.id))
     return [Played(**row._mapping) for row in connection.execute(query.where(wanted).order_by(order).limit(most))]
@@ -220,6 +234,13 @@ def client_errors(
         (row.at, row.id, label(row.number, row.simulated), str(row.detail.get("text", "")))
         for row in connection.execute(query.limit(most))
     ]
+
+
+def with_client_errors(connection: Connection, study_ids: Sequence[int], since: datetime) -> dict[str, str]:
+    """Return the participants whose browsers have reported errors since then, with their labels."""
+    query = select(_p.id, _p.number, _p.simulated).join_from(events, participants).distinct()
+    query = query.where(_p.study_id.in_(study_ids), events.c.kind == "trouble", events.c.at > since)
+    return {row.id: label(row.number, row.simulated) for row in connection.execute(query)}
 
 
 def stored(connection: Connection, study_ids: Sequence[int]) -> dict[str, int]:

@@ -187,6 +187,12 @@ def seen(connection: Connection, participant_id: str) -> None:
     connection.execute(query.values(last_seen_at=datetime.now(UTC)))
 
 
+def give_more_time(connection: Connection, participant_id: str) -> bool:
+    """Start the participant's time to come back again. False: the participation is over."""
+    query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
+    return connection.execute(query.values(last_seen_at=datetime.now(UTC))).rowcount == 1
+
+
 def advance(connection: Connection, participant_id: str, position: int, to: int) -> bool:
     """Move on from step `position` to step `to`. False, and nothing changes, if the participant is no longer there
     (the page was submitted twice, or in another tab) or no longer active."""

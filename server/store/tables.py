@@ -144,6 +144,12 @@ episodes = Table(
         server_default="0",
         meaning="How often a process took the game over; only the newest process may store.",
     ),
+    column(
+        "paused_by",
+        KEY,
+        nullable=True,
+        meaning="The researcher who paused this game alone; none: nobody did, or it was resumed.",
+    ),
     time("created_at", "When it was created."),
     time("started_at", "When its first state was stored.", nullable=True),
     time("ended_at", "When its end was stored.", nullable=True),

@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 from server.bots.participant import Bot
 from server.monitoring.report_making import PAGE
 from server.settings import ROOT
-from server.store import study_reports
+from server.store import decisions, study_reports
 from tests.support import command_line
 from tests.support.browser.game_page import draw_less_often, violations
 from tests.support.live_server import LiveServer
@@ -200,8 +200,8 @@ def test_the_live_page_shows_no_all_clear_while_an_alert_is_open(page: Page, ser
 
         def forward(message: str | bytes) -> None:
             news = json.loads(message)
-            if news["type"] == "figures":
-                news["alerts"] = [{"text": text, "since_s": 5}]
+            if news["type"] == "alerts":
+                news["alerts"] = [{"text": text, "path": "", "since_s": 5}]
             socket.send(json.dumps(news))
 
         upstream.on_message(forward)
@@ -211,6 +211,19 @@ def test_the_live_page_shows_no_all_clear_while_an_alert_is_open(page: Page, ser
     expect(page.locator("#alerts li.bad").first).to_contain_text(text)
     expect(page.locator("#attention")).to_contain_text("1 alert")
     expect(page.locator("#attention")).not_to_contain_text("calm")
+
+
+def test_the_live_page_shows_a_pause_by_somebody_else_without_a_reload(page: Page, server: LiveServer) -> None:
+    page.goto(f"{server.url}/admin/s/short")
+    expect(page.locator("#study-state")).to_have_text("Running")
+    database = server.app.state.services.web.database
+    server.do(lambda: database.write(decisions.pause_study, "short", "ada"))
+    expect(page.locator("#study-state")).to_have_text("Paused")
+    page.click("#pause-study")
+    expect(page.locator("#ask-resume")).to_be_visible()
+    server.do(lambda: database.write(decisions.resume_study, "short", "ada"))
+    expect(page.locator("#study-state")).to_have_text("Running")
+    expect(page.locator("#pause-study")).to_have_text("Pause study…")
 
 
 def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: LiveServer) -> None:
@@ -299,5 +312,5 @@ def test_a_report_dialog_that_opens_before_its_script_is_filled_when_the_script_
     page.click("[data-ask=report]")
     expect(page.locator("#ask-report")).to_be_visible()
     expect(page.locator("#report-kept")).to_be_hidden()
-    held[0].continue_()
+    held[-1].continue_()
     expect(page.locator("#report-kept")).to_contain_text("by mara: 12 simulated participants analysed.")

@@ -129,6 +129,7 @@ def test_of_two_sessions_the_second_chooses_and_no_text_is_lost(new_page: NewPag
     at(mara, "title").locator("input").first.fill("Both at once")
     expect(mara.locator("#save-state")).to_have_text("Saved, with changes that somebody else has made")
     expect(at(mara, "duration_min").locator("input")).to_have_value("35")
+    expect(mara.locator("#undo")).to_be_disabled()  # it would undo what the other one has changed
     assert re.search("Both at once(.|\n)*duration_min: 35", stored(server, draft))
     mara.goto(f"{mara.url}/history")
     expect(mara.locator("table")).to_contain_text("set aside")

@@ -2,9 +2,12 @@
 
 import asyncio
 import logging
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, HTTPException, Response
+from sqlalchemy import Connection
 
 from server.cluster.dispatch import ClusterControl
 from server.monitoring.commands import (
@@ -75,9 +78,9 @@ def _page_of(form: Form, study: str) -> str:
 async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
     """Pause the study: until it is resumed, nobody can join and every game is paused."""
     study_at(web, name)
-    await web.database.write(decisions.pause_study, name, admin.name)
+    detail = {"study": name, "reason": _text(form, "note")}
+    await _change(web, admin, "pause study", detail, partial(decisions.pause_study, study=name, by=admin.name))
     await control.broadcast(PauseStudy(name))
-    await _note(web, admin, "pause study", {"study": name, "reason": _text(form, "note")})
     return back_to(_page_of(form, name), "study_paused")
 
 
@@ -85,9 +88,9 @@ async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
 async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
     """The study continues, and its games with it."""
     study_at(web, name)
-    await web.database.write(decisions.resume_study, name, admin.name)
+    detail = {"study": name, "reason": _text(form, "note")}
+    await _change(web, admin, "resume study", detail, partial(decisions.resume_study, study=name, by=admin.name))
     await control.broadcast(ResumeStudy(name))
-    await _note(web, admin, "resume study", {"study": name, "reason": _text(form, "note")})
     return back_to(_page_of(form, name), "study_resumed")
 
 
@@ -107,9 +110,9 @@ async def serve_version(name: str, admin: ActDep, services: ServicesDep, form: A
     if not await services.control.run_in_each(PrepareVersion(name, new.sha256), VERSION_TIMEOUT_S):
         log.warning("the new version of %s is not served: not every server process is ready for it", name)
         return back_to(f"/admin/s/{name}", "version_refused")
+    await _note(web, admin, "serve new version", {"study": name, "version": new.sha256, "reason": _text(form, "note")})
     versions.open(new)
     await services.control.run_in_each(OpenVersion(name, new.sha256, new.opened_at), OPEN_TIMEOUT_S)
-    await _note(web, admin, "serve new version", {"study": name, "version": new.sha256, "reason": _text(form, "note")})
     return back_to(f"/admin/s/{name}", "version_served")
 
 
@@ -130,10 +133,12 @@ async def step_in(
     """Pause, resume, end, message, extend or exclude one game."""
     detail: dict[str, Any] = {"episode": game.id, "participant": game.participant_id, "reason": _text(form, "note")}
     match action:
-        case "pause":
-            outcome = "paused" if await control.run(PauseGame(game.id)) else "gone"
-        case "resume":
-            outcome = "resumed" if await control.run(ResumeGame(game.id)) else "gone"
+        case "pause" | "resume":
+            outcome = await _pause_or_resume(action, admin, web, control, (game, detail))
+            return back_to(_back(form), outcome)
+        case "exclude":
+            await _exclude(web, admin, form, (game.participant_id, game.id), "exclude game")
+            return back_to(_back(form), "excluded")
         case "end":
             outcome = "ended" if await control.run(EndGame(game.id)) else "gone"
         case "message":
@@ -142,14 +147,27 @@ async def step_in(
         case "extend":
             detail["minutes"] = _minutes(form)
             outcome = "extended" if await control.run(ExtendAbsence(game.id, 60.0 * detail["minutes"])) else "gone"
-        case "exclude":
-            why = _why(form)
-            await web.database.write(decisions.exclude, game.participant_id, game.id, why, admin.name)
-            detail["reason"], outcome = ": ".join(filter(None, why)), "excluded"
         case _:
             raise HTTPException(404, "unknown action")
     await _note(web, admin, f"{action} game", detail | {"done": outcome != "gone"})
     return back_to(_back(form), outcome)
+
+
+async def _pause_or_resume(
+    action: str, admin: AdminSession, web: Web, control: ClusterControl, what: tuple[Played, dict[str, Any]]
+) -> str:
+    """Return the outcome. A game that nobody plays now is paused when the participant comes back."""
+    game, detail = what
+    by = admin.name if action == "pause" else None
+    if not await _change(web, admin, f"{action} game", detail, partial(decisions.pause_game, episode=game.id, by=by)):
+        return "gone"
+    if action == "pause":
+        await control.run(PauseGame(game.id))
+        return "paused"
+    await control.run(ResumeGame(game.id))
+    study = web.studies.version(game.study_id)
+    paused = await web.database.read(decisions.paused_studies)
+    return "resumed_later" if study is not None and study.name in paused else "resumed"
 
 
 @router.post("/person/{person}/{action}")
@@ -159,29 +177,40 @@ async def decide(
     """Exclude a participant, take an exclusion back, free the place, give more time to come back, or delete."""
     if action == "delete":
         return await _delete(admin, web, form, control, person)
+    if action == "exclude":
+        await _exclude(web, admin, form, (person.id, None), "exclude participant")
+        return back_to(_back(form), "excluded")
     detail: dict[str, Any] = {"participant": person.id, "reason": _text(form, "note")}
     match action:
-        case "exclude":
-            why = _why(form)
-            await web.database.write(decisions.exclude, person.id, None, why, admin.name)
-            detail["reason"], outcome = ": ".join(filter(None, why)), "excluded"
         case "restore":
             detail["exclusion"] = number = whole_number(form, "exclusion")
-            held = [one.id for one in await web.database.read(decisions.exclusions_of, [person.id])]
-            done = number in held and await web.database.write(decisions.restore, number, admin.name)
-            outcome = "restored" if done else "gone"
+            change, outcome = partial(_restore, person=person.id, number=number, by=admin.name), "restored"
         case "release":
-            done = await web.database.write(participants.leave, person.id, "returned")
-            for played in await web.database.read(overview.played_by, person.id) if done else ():
-                await control.run(EndGame(played.id))
-            outcome = "released" if done else "gone"
+            change, outcome = partial(participants.leave, participant_id=person.id, status="returned"), "released"
         case "extend":
-            await web.database.write(participants.seen, person.id)
-            outcome = "extended"
+            change, outcome = partial(participants.give_more_time, participant_id=person.id), "extended"
         case _:
             raise HTTPException(404, "unknown action")
-    await _note(web, admin, f"{action} participant", detail | {"done": outcome != "gone"})
+    if not await _change(web, admin, f"{action} participant", detail, change):
+        outcome = "gone"
+    if outcome == "released":
+        await _end_games(web, control, person)
     return back_to(_back(form), outcome)
+
+
+def _restore(connection: Connection, person: str, number: int, by: str) -> bool:
+    held = [one.id for one in decisions.exclusions_of(connection, [person])]
+    return number in held and decisions.restore(connection, number, by)
+
+
+async def _exclude(web: Web, admin: AdminSession, form: Form, data: tuple[str, str | None], action: str) -> None:
+    """Exclude a participant's data: an episode, or (None) all."""
+    (participant, episode), why = data, _why(form)
+    detail = {"participant": participant, "reason": ": ".join(filter(None, why))}
+    if episode is not None:
+        detail["episode"] = episode
+    change = partial(decisions.exclude, participant=participant, episode=episode, why=why, by=admin.name)
+    await _change(web, admin, action, detail, change)
 
 
 @router.post("/find")
@@ -193,6 +222,12 @@ async def find(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Res
     return back_to(f"/admin/s/{name}/person/{found.id}") if found else back_to(f"/admin/s/{name}", "nobody_found")
 
 
+async def _end_games(web: Web, control: ClusterControl, person: Person) -> None:
+    for played in await web.database.read(overview.played_by, person.id):
+        if not played.is_over:
+            await control.run(EndGame(played.id))
+
+
 async def _delete(admin: AdminSession, web: Web, form: Form, control: ClusterControl, person: Person) -> Response:
     """Delete somebody who asked for it. The audit log records that and why, but nothing that identifies the person."""
     study = web.studies.version(person.study_id)
@@ -201,6 +236,19 @@ async def _delete(admin: AdminSession, web: Web, form: Form, control: ClusterCon
     record = withdrawal.Deletion(admin.name, "delete participant", detail)
     done = await deletion.delete(web, control, person.id, record)
     return back_to(f"/admin/s/{name}", "deleted" if done else "gone")
+
+
+async def _change(
+    web: Web, admin: AdminSession, action: str, detail: dict[str, Any], change: Callable[[Connection], Any]
+) -> bool:
+    """Make a change with its line in the audit log, both or neither. False: there was nothing to change."""
+
+    def both(connection: Connection) -> bool:
+        done = bool(change(connection))
+        audit.add(connection, admin.name, action, detail | {"done": done})
+        return done
+
+    return await asyncio.shield(web.database.write(both))
 
 
 async def _note(web: Web, admin: AdminSession, action: str, detail: dict[str, Any]) -> None:

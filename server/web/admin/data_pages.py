@@ -2,21 +2,20 @@
 
 import asyncio
 import re
-from collections.abc import AsyncIterator
+import time
 from typing import Final
 
 from fastapi import APIRouter, HTTPException, Request, Response
-from fastapi.responses import StreamingResponse
+from sqlalchemy import Connection
 
 from server.monitoring.data_rows import asked_of_some, csv_head, csv_rows, shown_rows
 from server.store import audit
 from server.store.data_view import PAGE_ROWS, TABLES, DataQuery, columns_of, data_page
-from server.store.database import Database
 from server.web.admin.rendering import AdminPage, study_at
 from server.web.admin.researcher_auth import ActDep, AdminFormDep
 from server.web.dependencies import Web, WebDep
 from server.web.forms import first
-from server.web.services import Services, ServicesDep
+from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin/s/{name}")
 CHUNK_ROWS: Final = 500
@@ -62,19 +61,22 @@ async def download(name: str, admin: ActDep, services: ServicesDep, form: AdminF
         "Content-Disposition": f'attachment; filename="{name}-{wanted.table}.csv"',
         "Cache-Control": "no-store",
     }
-    return StreamingResponse(_lines(services, wanted), media_type="text/csv; charset=utf-8", headers=headers)
+    await services.games.loop.between_batches()
+    text = await web.database.read(_text, wanted)
+    return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
 
 
-async def _lines(services: Services, wanted: DataQuery) -> AsyncIterator[str]:
-    """The rows in pieces, each begun between two batches of timesteps: games come first."""
-    database: Database = services.web.database
-    yield csv_head(columns_of(wanted))
+def _text(connection: Connection, wanted: DataQuery) -> str:
+    """All rows as they are at one moment: people who answer during the download move the rows that follow theirs.
+    Between two pieces the live games' thread can run."""
+    pieces = [csv_head(columns_of(wanted))]
     done, total = 0, 1
     while done < total:
-        await services.games.loop.between_batches()
-        page = await database.read(data_page, wanted, done, CHUNK_ROWS)
-        yield await asyncio.to_thread(csv_rows, page)
+        page = data_page(connection, wanted, done, CHUNK_ROWS)
+        pieces.append(csv_rows(page))
         done, total = done + CHUNK_ROWS, page.total
+        time.sleep(0)
+    return "".join(pieces)
 
 
 _KEYS: Final = ("table", "contains", "column", "sort")

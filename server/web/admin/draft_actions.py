@@ -16,7 +16,7 @@ from server.participation.draft_checks import draft_problems
 from server.participation.own_kitchens import drawn_grids
 from server.participation.study_changes import Versions
 from server.participation.training_commands import own_names_of
-from server.store import audit, study_drafts, study_openings
+from server.store import audit, decisions, study_drafts, study_openings
 from server.store.study_drafts import MERGED, DraftText, StudyDraft
 from server.study import drafting
 from server.study.loader import PlacedProblem, StudyError, StudyFile
@@ -155,7 +155,7 @@ async def open_study(
         return back_to(back, "draft_name_taken")
     versions.open(replace(version, opened_at=at))
     await services.control.run_in_each(OpenVersion(name, version.sha256, at), OPEN_TIMEOUT_S)
-    return back_to(back, "draft_opened")
+    return back_to(back, await web.database.read(_outcome, name, draft.id))
 
 
 def _open(connection: Connection, draft: StudyDraft, version: tuple[str, int, str], by: str) -> float | None:
@@ -168,6 +168,15 @@ def _open(connection: Connection, draft: StudyDraft, version: tuple[str, int, st
     detail = {"study": name, "draft": draft.id, "revision": draft.revision, "version": sha256}
     audit.add(connection, by, "open study", detail)
     return at.timestamp()
+
+
+def _outcome(connection: Connection, name: str, draft: int) -> str:
+    """Return what is said of a study that was opened just now."""
+    if name in decisions.paused_studies(connection):
+        return "draft_opened_paused"
+    others = (one for one in study_openings.newest(connection).values() if one.study != name)
+    is_renamed = any(one.draft_id == draft and one.is_open for one in others)
+    return "draft_opened_renamed" if is_renamed else "draft_opened"
 
 
 @router.post("/close")

@@ -165,6 +165,8 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
     words = htmlsafe_json_dumps(about, sort_keys=False)
     context: dict[str, Any] = {"draft": draft, "state": state, "opening": mine, "last": last, "about": words}
     context["address"] = "" if mine is None else page.study_address(mine.study)
+    others = [one.study for one in of_draft if one.is_open and one is not mine]
+    context["others"] = {name: page.study_address(name) for name in others}  # under former names of the draft
     context["paused"] = mine is not None and mine.study in paused
     response = page.render("draft.html", tab="drafts", **context)
     return page.allow(response, frames=OURSELVES)  # the kitchen editor in a dialog

@@ -16,7 +16,7 @@ from server.study import drafting
 from server.study.definition import EntryChecks, KitchenChoice, Study
 from server.study.steps import StudyStep
 from server.web.admin.draft_pages import WholeDraftDep
-from server.web.admin.rendering import AdminPage, back_to
+from server.web.admin.rendering import OUTCOMES, AdminPage, back_to
 from server.web.admin.researcher_auth import OwnDep
 from server.web.dependencies import PageResponse, Web
 from server.web.participant.views import consent_context, render_step
@@ -119,6 +119,7 @@ async def step(
         kitchen=kitchen,
         agent=agent,
         rows=layout_of(kitchen).text.splitlines(),
+        refused=OUTCOMES.get(request.query_params.get("outcome", "")),
     )
 
 

@@ -11,6 +11,7 @@ from server.store import audit
 from server.store.database import Database
 from server.study import drafting
 from server.web.admin.draft_pages import DraftDep, WholeDraftDep
+from server.web.admin.players import games_of_all
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
 from server.web.forms import whole_number
@@ -23,7 +24,8 @@ router = APIRouter(prefix="/admin/drafts/{draft}/bots")
 async def outcome(request: Request, admin: OwnDep, services: ServicesDep, draft: DraftDep) -> Response:
     """How the newest rehearsal of the draft goes or went."""
     page = AdminPage(request, admin)
-    found = services.rehearsals.of(draft.id)
+    others = [one for process in await services.live.peers.processes() for one in process.rehearsals]
+    found = services.rehearsals.of(draft.id, others)
     return page.render("draft_bots.html", tab="drafts", draft=draft, rehearsal=found, most=MAX_BOTS)
 
 
@@ -33,10 +35,13 @@ async def start(admin: OwnDep, services: ServicesDep, draft: WholeDraftDep, form
     number, here = whole_number(form, "number"), f"/admin/drafts/{draft.id}/bots"
     if not 1 <= number <= MAX_BOTS:
         raise HTTPException(400, f"give 1 to {MAX_BOTS} simulated participants")
-    if len(services.games):
+    if await games_of_all(services):
         return back_to(here, "bots_players")
     if not await asyncio.to_thread(_can_be_opened, draft.source, services):
         return back_to(f"/admin/drafts/{draft.id}", "draft_faulty")
+    others = [one for process in await services.live.peers.processes() for one in process.rehearsals]
+    if any(one.is_running for one in others):
+        return back_to(here, "bots_busy")
     rehearsal = Rehearsal(draft.id, draft.revision, number, admin.name)
     if not services.rehearsals.start(rehearsal, draft.source, partial(_note, services.web.database)):
         return back_to(here, "bots_busy")

@@ -17,6 +17,7 @@ from server.study.loader import StudyError, StudyFile
 from server.study.steps import StudyStep
 from server.web.admin.draft_pages import WholeDraftDep
 from server.web.admin.draft_preview import PreviewPlace, number_of, place_of, preview_page
+from server.web.admin.players import games_of_all
 from server.web.admin.rendering import back_to
 from server.web.admin.researcher_auth import OwnDep, session_of
 from server.web.services import Services, ServicesDep
@@ -67,7 +68,7 @@ async def play(
         return back_to(f"/admin/drafts/{at.draft.id}", "draft_faulty")
     place, step = _game(file, at)
     here = at.path(number_of(at.position))
-    if len(services.games):
+    if await games_of_all(services):
         return back_to(here, "preview_players")
     try:
         await services.previews.models.load(file, place.kitchen(step))

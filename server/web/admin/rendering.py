@@ -20,6 +20,7 @@ NOT_FOUND = 404
 OUTCOMES = {
     "paused": "The game is paused.",
     "resumed": "The game continues.",
+    "resumed_later": "The game is not paused by itself any more. It continues when you resume the study.",
     "ended": "The game is ended.",
     "sent": "The message is sent.",
     "extended": "The participant has more time now.",
@@ -44,6 +45,9 @@ OUTCOMES = {
     "draft_name_taken": "The study is not open: another draft with this name is open.",
     "draft_refused": "The study could not be opened. The server's log has the reason.",
     "draft_opened": "The study is open: participants can join.",
+    "draft_opened_paused": "The study is open, but paused: participants can join when you resume it.",
+    "draft_opened_renamed": "The study is open under its new name. The study with its former name is open, too, until "
+    "you close it below.",
     "preview_players": "No action taken: participants are playing, and this would slow down their games.",
     "preview_models": "An agent or predictor of this round could not be loaded. The server's log has the reason.",
     "bots_players": "No action taken: participants are playing, and bots would slow down their games.",

@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from contextlib import suppress
 from typing import Final
 
 from fastapi import APIRouter, HTTPException, Request, Response, WebSocket
@@ -13,6 +14,7 @@ from server.monitoring.replay import StoredTicks, input_of, record_json, row_of,
 from server.play.close_codes import CloseCode
 from server.store import decisions, overview
 from server.store.admins import AdminSession
+from server.store.database import DatabaseDown
 from server.store.episodes import BrokenEpisode
 from server.study.locale import locale
 from server.web.admin.actions import GameDep
@@ -26,6 +28,8 @@ router = APIRouter(prefix="/admin/s/{name}/game/{episode}")
 LOOK_EVERY_S: Final = 0.05
 STATUS_EVERY_S: Final = 0.5
 STORED_EVERY_S: Final = 0.2
+_FLAG: Final = {"flag": "Not played now", "level": 0, "since_s": None, "rtt_ms": None}
+NOT_PLAYED: Final = {"type": "status", "phase": "paused", **_FLAG}
 
 
 @router.get("")
@@ -88,9 +92,13 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
         if card is None or now - looked >= STATUS_EVERY_S:
             looked = now
             card = await _status(socket, live, which)
-            if card is None:
+            if card is None and await _is_over(live, which[1]):
                 await send_news(socket, {"type": "over"})
                 return await socket.close(CloseCode.FINISHED, "the game is over")
+        if card is None:  # it is in the database alone, or another process is just taking it up
+            await send_news(socket, NOT_PLAYED)
+            await asyncio.sleep(STATUS_EVERY_S)
+            continue
         if isinstance(card, View):
             for row in await stored.new_rows(admin.blind):
                 await send_news(socket, {"type": "tick", "row": row})
@@ -103,6 +111,14 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             new = [input_of(one, session.spec.tick_ms) for one in visible(session.record.inputs, admin.blind)]
             await send_news(socket, {"type": "tick", "row": row, "inputs": new})
         await asyncio.sleep(LOOK_EVERY_S)
+
+
+async def _is_over(live: LiveGames, episode: str) -> bool:
+    """Return whether the end of the game is stored, or the game was deleted."""
+    with suppress(DatabaseDown):
+        played = (await live.web.database.read(overview.played, episode)).get(episode)
+        return played is None or played.is_over
+    return False
 
 
 async def _status(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str]) -> Card | View | None:

@@ -3,6 +3,7 @@
 import hashlib
 import secrets
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -13,6 +14,7 @@ from starlette.requests import HTTPConnection
 
 from server.store import admins, audit
 from server.store.admins import AdminSession
+from server.store.database import DatabaseDown
 from server.web import guess_limits
 from server.web.auth import cookie_name
 from server.web.dependencies import Web, WebDep
@@ -46,7 +48,8 @@ async def session_of(connection: HTTPConnection) -> AdminSession | None:
         return None
     session, touch_is_due = found
     if touch_is_due:
-        await database.write(admins.touch, session.token_hash, datetime.now(UTC))
+        with suppress(DatabaseDown):  # a full disk can still be read: that is when a researcher has to look
+            await database.write(admins.touch, session.token_hash, datetime.now(UTC))
     return session
 
 

@@ -4,6 +4,7 @@ import asyncio
 from typing import Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
+from sqlalchemy import Connection
 
 from server.monitoring import latency_history
 from server.monitoring.arms import arm_names
@@ -109,8 +110,13 @@ async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
 async def blind(admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
     """Hide or show conditions in this session; both are in the audit log."""
     hide = first(form, "blind") == "on"
-    await web.database.write(admins.set_blind, admin.token_hash, hide)
-    await web.database.write(audit.add, admin.name, "blind mode on" if hide else "blind mode off")
+
+    def change(connection: Connection) -> None:
+        """Together: conditions are never shown without a line in the audit log."""
+        admins.set_blind(connection, admin.token_hash, hide)
+        audit.add(connection, admin.name, "blind mode on" if hide else "blind mode off")
+
+    await asyncio.shield(web.database.write(change))
     return back_to(own_path(first(form, "next")))
 
 
@@ -136,8 +142,12 @@ async def change_account(account: str, action: str, admin: OwnDep, web: WebDep, 
         raise HTTPException(
             400, "Unknown action, or you tried to remove your own account. Another owner can remove it."
         )
-    await web.database.write(admins.close_all if action == "signed_out" else admins.remove, account)
-    await web.database.write(audit.add, admin.name, f"account {action}", {"name": account})
+
+    def change(connection: Connection) -> None:
+        (admins.close_all if action == "signed_out" else admins.remove)(connection, account)
+        audit.add(connection, admin.name, f"account {action}", {"name": account})
+
+    await asyncio.shield(web.database.write(change))
     return back_to("/admin/accounts", action)
 
 

@@ -58,6 +58,17 @@ export class DraftSession {
     this.timer = setTimeout(() => void this.work(), LOOK_AFTER_MS);
   }
 
+  /**
+   * Take a text that has changes of others. It cannot be undone: an earlier text would undo their changes, too.
+   * @param {string} text
+   */
+  adopt(text) {
+    this.before = [];
+    this.text = text;
+    this.on.text(text);
+    this.look();
+  }
+
   remember() {
     if (this.before.at(-1) !== this.text) this.before.push(this.text);
     if (this.before.length > MAX_UNDONE) this.before.shift();

@@ -46,7 +46,7 @@ const saving = new DraftSaving(requests, about, {
   conflict: (theirs) => void settle(theirs, saving.text),
   isBusy: () => session.operations.length > 0,
   merged(text) {
-    session.typed(text);
+    session.adopt(text);
     find('#spoken', HTMLElement).textContent = 'Changes that somebody else has made were added.';
   },
 });
@@ -137,7 +137,7 @@ async function settle(theirs, mine) {
     return settle(theirs, mine); // not kept anywhere yet: ask again
   }
   await saving.resolve(theirs, text);
-  session.typed(text);
+  session.adopt(text);
 }
 
 /** @param {Problem[]} problems */

@@ -19,6 +19,7 @@ const place = (id) => find(`#${id}`, HTMLElement);
  * @param {Page} page
  */
 export function showTables(figures, page) {
+  showState(figures);
   showKeyNumbers(figures, page);
   showArms(figures.arms, page.blind);
   showSimulated(figures);
@@ -27,6 +28,21 @@ export function showTables(figures, page) {
   showMachine(figures);
   showPeople(figures.people, page);
   showClientErrors(figures.client_errors, page.study);
+}
+
+/**
+ * Show whether the study runs, and what can be done: somebody else may have paused it since the page was loaded.
+ * @param {Researcher.Figures} figures
+ */
+function showState({ paused, closed }) {
+  const stopped = paused ? 'Paused' : 'Running';
+  place('study-state').textContent = !closed ? stopped : paused ? 'Closed, paused' : 'Closed';
+  place('study-state').className = `badge ${closed ? 'plain' : paused ? 'warn' : 'good'}`;
+  const button = document.querySelector('#pause-study');
+  if (!(button instanceof HTMLElement) || button.matches(':active')) return; // who may only watch has none
+  button.dataset.ask = paused ? 'resume' : 'pause';
+  button.textContent = paused ? 'Resume study…' : 'Pause study…';
+  button.className = `btn ${paused ? 'main' : 'danger'}`;
 }
 
 /** @type {(id: string, value: string | number, unit?: string) => void} */
@@ -231,16 +247,17 @@ function personRow(row, { study, cardOf }) {
       ]
     : [row.now];
   const bar = make('progress', { max: row.steps, value: row.done, 'aria-label': 'Progress' });
-  const rtt = card?.rtt_ms ?? null;
+  const mine = card?.person === row.id ? card : undefined; // the partner of a round may be the one who is flagged
+  const rtt = mine?.rtt_ms ?? null;
   return make(
     'tr',
-    { className: ['', 'warn', 'bad'][card?.level ?? 0] },
+    { className: ['', 'warn', 'bad'][mine?.level ?? 0] },
     make('td', {}, name),
     make('td', {}, ...now),
     make('td', {}, make('span', { className: 'step-progress' }, bar, `${row.done}/${row.steps}`)),
     make('td', { className: 'num', text: card ? 'now' : ago(row.seen_s) }),
     make('td', { className: 'num', text: rtt === null ? '–' : `${rtt} ms` }),
-    make('td', {}, ...personFlags(row, card)),
+    make('td', {}, ...personFlags(row, mine)),
     make('td', { className: row.arm ? '' : 'soft', text: row.arm || 'hidden' }),
     make('td', { className: 'num', text: row.minutes }),
   );

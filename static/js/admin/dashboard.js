@@ -29,6 +29,8 @@ const cards = new Map();
 let send = () => {};
 /** @type {Researcher.Figures | null} the last ones */
 let figures = null;
+/** @type {Researcher.Alert[] | null} the last ones */
+let alerts = null;
 /** @type {keyof typeof ORDERS} */
 let order = 'attention';
 let tab = 'active';
@@ -114,7 +116,7 @@ function sort(now) {
  */
 function showAlerts(all) {
   const urgent = all.filter((card) => card.level).sort(ORDERS.attention);
-  const ofServer = figures?.alerts ?? [];
+  const ofServer = alerts ?? [];
   find('#attention', HTMLElement).textContent = attentionWords(ofServer.length, urgent.length);
   find('#alerts-count', HTMLElement).textContent = `${ofServer.length + urgent.length} open`;
   const rows = [...ofServer.map(serverAlert), ...urgent.slice(0, MAX_ALERTS).map(cardAlert)];
@@ -127,20 +129,21 @@ function showAlerts(all) {
 }
 
 /**
- * @param {number} alerts
+ * @param {number} ofServer
  * @param {number} urgent
  */
-function attentionWords(alerts, urgent) {
+function attentionWords(ofServer, urgent) {
   const words = [];
-  if (alerts) words.push(`${alerts} alert${alerts === 1 ? '' : 's'}`);
+  if (ofServer) words.push(`${ofServer} alert${ofServer === 1 ? '' : 's'}`);
   if (urgent) words.push(`${urgent} need${urgent === 1 ? 's' : ''} attention`);
   if (words.length) return words.join(', ');
-  return figures ? 'all calm' : ''; // unknown before the first figures
+  return alerts ? 'all calm' : ''; // unknown before the first alerts
 }
 
 /** @param {Researcher.Alert} alert */
-function serverAlert({ text, since_s: since }) {
-  return make('li', { className: 'bad' }, make('div', { text }), make('time', { text: clock(since) }));
+function serverAlert({ text, path, since_s: since }) {
+  const words = path ? make('div', {}, make('a', { href: `${root}${path}`, text })) : make('div', { text });
+  return make('li', { className: 'bad' }, words, make('time', { text: clock(since) }));
 }
 
 /** @param {Researcher.Card} card */
@@ -169,7 +172,9 @@ function press(selector, chosen) {
 
 function showFigures() {
   if (!figures) return;
-  const cardOf = new Map([...cards.values()].map(({ card }) => [card.person, card]));
+  const cardOf = new Map(
+    [...cards.values()].flatMap(({ card }) => card.people.map((person) => /** @type {const} */ ([person, card]))),
+  );
   showTables(figures, { study, blind: blind === 'yes', search: search.value, cardOf });
 }
 
@@ -195,9 +200,12 @@ listen(`${root}/admin/s/${study}/live`, {
     send = sendMessage;
     tellView();
   },
-  message: (/** @type {Researcher.Cards | Researcher.Figures} */ message) => {
+  message: (/** @type {Researcher.Cards | Researcher.Figures | Researcher.Alerts} */ message) => {
     if (message.type === 'cards') {
       showCards(message);
+    } else if (message.type === 'alerts') {
+      alerts = message.alerts;
+      showAlerts([...cards.values()].map(({ card }) => card));
     } else {
       figures = message;
       showFigures();

@@ -2,13 +2,14 @@
 
 declare namespace Researcher {
   type Level = 0 | 1 | 2; // calm, warning, urgent
-  type Alert = { text: string; since_s: number };
+  type Alert = { text: string; path: string; since_s: number }; // `path`: of the game; empty: of none
 
   /** One running game. */
   interface Card {
     id: string;
-    who: string;
+    who: string; // of two people, the one who needs attention most
     person: string;
+    people: string[]; // all who play
     episode: string;
     agent: string;
     title: string;
@@ -114,6 +115,13 @@ declare namespace Researcher {
     rehearsal: boolean;
     people: Person[];
     client_errors: ClientError[];
+    paused: boolean;
+    closed: boolean;
+  }
+
+  /** The alerts of the server and the study; those of games are on their cards. */
+  interface Alerts {
+    type: 'alerts';
     alerts: Alert[];
   }
 

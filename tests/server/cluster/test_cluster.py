@@ -149,6 +149,25 @@ async def test_another_tab_at_another_process_takes_the_game_over_where_it_stand
     await asyncio.gather(playing, return_exceptions=True)
 
 
+async def test_a_paused_game_stays_paused_when_its_page_reaches_another_process(pair: Pair, bot: Bot) -> None:
+    here, there = pair
+    game = running(here)
+    assert game is not None
+    database = here.app.state.services.web.database
+    here.do(lambda: database.write(decisions.pause_game, game.episode, "ada"))
+    await until(lambda: game.session.phase == "paused")
+    first = bot.game()
+    second = BotGame(first.url.replace(str(here.port), str(there.port)), first.cookie, Journal(), Traits.drawn(2))
+    playing = asyncio.create_task(second.play())
+    taken = await until(lambda: there.app.state.services.games.get(game.episode))
+    await until(lambda: taken.connections and 0 not in taken.session.pause_reasons)
+    assert not taken.session.moving
+    here.do(lambda: database.write(decisions.pause_game, game.episode, None))
+    await until(lambda: taken.session.moving)
+    playing.cancel()
+    await asyncio.gather(playing, return_exceptions=True)
+
+
 async def test_games_continue_without_redis_and_the_dashboard_recovers_with_it(
     pair: Pair,
     bot: Bot,

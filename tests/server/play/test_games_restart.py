@@ -8,6 +8,7 @@ import pytest
 from server.play import messages as m
 from server.play.clock import Clock
 from server.play.games import Games, NoGame
+from server.play.pause_reasons import RESEARCHER
 from server.play.recorder import EpisodeRecord
 from tests.support.live_fakes import make_spec
 from tests.support.running_games import SPEED, RunningGames, until
@@ -100,3 +101,27 @@ async def test_finished_or_unknown_episode_is_not_a_game(running: RunningGames) 
         await running.play()
     with pytest.raises(NoGame):
         await running.play("nobody")
+
+
+@pytest.mark.parametrize("begins", [False, True])
+async def test_a_game_that_a_researcher_paused_stays_paused_in_the_next_process(
+    running: RunningGames, begins: bool
+) -> None:
+    if begins:
+        await running.under_way()
+        await running.games.stop()
+        taken_up_later(running, 1.0)
+    load = running.games._load
+
+    async def load_paused(episode: str) -> EpisodeRecord | None:
+        record = await load(episode)
+        return None if record is None else replace(record, is_paused=True)
+
+    running.games._load = load_paused
+    connection = await running.play()
+    game = running.games.get("e1")
+    assert game is not None
+    assert not game.session.moving
+    assert connection.of(m.Paused)[-1] == m.Paused("researcher", 0.0)
+    game.release(RESEARCHER)
+    assert game.session.moving

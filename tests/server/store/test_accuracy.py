@@ -2,9 +2,10 @@
 
 from sqlalchemy import Connection
 
-from server.store import episodes, participants, studies, ticks
+from server.store import episodes, participants, studies, ticks, withdrawal
 from server.store.accuracy import RunningAccuracy
 from server.store.database import Database
+from server.store.displays import DisplayCount
 from server.store.participants import NewParticipant, new_token
 from tests.support.study_data import SPEC, played, result_of
 
@@ -36,3 +37,18 @@ def test_people_and_bots_are_never_counted_together(database: Database) -> None:
     assert counted() == 1, "of a study in which people take part"
     database.write_now(one_round, True)
     assert (counted(), accuracy.waiting) == (1, 0)
+
+
+def test_rounds_of_a_deleted_participant_no_longer_count(database: Database) -> None:
+    accuracy, display = RunningAccuracy(), DisplayCount()
+    study, _ = (database.write_now(one_round, False) for _ in range(2))
+
+    def counted() -> tuple[int, int]:
+        for count in (accuracy, display):
+            database.read_now(count.count, (study,))
+        return sum(hits.episodes for hits in accuracy.hits.values()), len(display.by_episode)
+
+    assert counted() == (2, 2)
+    person = database.read_now(participants.of_study, study)[0].id
+    database.write_now(withdrawal.withdraw, person)
+    assert counted() == (1, 1)

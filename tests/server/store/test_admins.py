@@ -5,9 +5,10 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from scipy.stats import binomtest
 
-from server.store import admins, audit, decisions, participants, studies, withdrawal
+from server.store import admins, audit, decisions, episodes, participants, studies, withdrawal
 from server.store.accuracy import wilson
 from server.store.database import Database
+from tests.support.study_data import SPEC, new_participant
 
 NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
@@ -77,6 +78,17 @@ def test_an_exclusion_is_undone_once_and_deleted_with_the_participant(database: 
     assert database.read_now(decisions.exclusions_of, [person]) == []
     assert database.write_now(withdrawal.withdraw, person)
     assert database.read_now(audit.first_forged) is None
+
+
+def test_an_excluded_round_of_two_is_excluded_for_both(database: Database) -> None:
+    study = database.write_now(studies.register, "s", "text")
+    people = tuple(database.write_now(new_participant, study.id) for _ in range(3))
+    new = episodes.NewEpisode(SPEC, "episode-01", (people[0], people[1]), study.id)
+    episode = database.write_now(episodes.create, new)
+    database.write_now(decisions.exclude, people[0], episode, ("other", ""), "mara")
+    database.write_now(decisions.exclude, people[0], None, ("not attentive", ""), "mara")
+    held = [[one.reason for one in database.read_now(decisions.exclusions_of, [person])] for person in people]
+    assert held == [["other", "not attentive"], ["other"], []]
 
 
 def test_a_study_is_paused_until_it_is_resumed(database: Database) -> None:

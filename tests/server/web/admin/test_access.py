@@ -1,6 +1,7 @@
 """Access to the researchers' pages: signing in, roles, forms, guesses, blinding."""
 
 import json
+from datetime import UTC, datetime, timedelta
 from urllib.parse import urlencode
 
 import httpx
@@ -10,6 +11,8 @@ from websockets.sync.client import connect
 
 from overcooked.constants import STAY
 from server.store import audit, decisions
+from server.store.database import DatabaseDown
+from server.store.tables import admin_sessions
 from tests.support.page_site import PageSite
 from tests.support.researcher_site import PASSWORD, ROLES, Researcher, needed, paths, played, signed_in
 
@@ -37,7 +40,7 @@ def test_sockets_are_for_researchers_only(site: PageSite) -> None:
             with pytest.raises(InvalidStatus, match="403"):
                 connect(base + path, additional_headers=headers)
         with connect(base + path, additional_headers={"cookie": cookie}) as socket:
-            assert json.loads(socket.recv(10))["type"] in ("cards", "over")
+            assert json.loads(socket.recv(10))["type"] in ("cards", "status")
 
 
 @pytest.mark.parametrize("role", ROLES)
@@ -141,3 +144,17 @@ def test_a_blinded_researcher_is_sent_neither_conditions_nor_marks(site: PageSit
     assert seeing["rows"][3]["displayed"] == [[STAY, 95], [0, 80], [STAY, 60]]
     assert f">{participant.condition}<" in researcher.get(f"/admin/s/small/game/{episode}").text
     assert [entry.action for entry in site.database.read_now(audit.entries)][-1] == "blind mode off"
+
+
+def test_pages_are_shown_while_the_database_can_be_read_but_not_written(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    researcher = signed_in(site, "watch")
+    earlier = admin_sessions.update().values(seen_at=datetime.now(UTC) - timedelta(minutes=2))
+    site.database.write_now(lambda connection: connection.execute(earlier))
+
+    async def full(*_: object) -> None:
+        raise DatabaseDown("the disk is full")
+
+    monkeypatch.setattr(site.database, "write", full)
+    assert researcher.get("/admin/s/small").status_code == 200

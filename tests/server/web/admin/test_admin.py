@@ -13,6 +13,7 @@ from overcooked.constants import STAY
 from server.monitoring.enrolment_flow import flow_of, stock
 from server.play.recorder import EpisodeResult, InputRecord, PauseRecord
 from server.store import audit, decisions, episodes, inputs, overview, participants
+from server.store.database import DatabaseDown
 from server.store.tables import metadata
 from tests.support.page_site import PageSite, Visitor
 from tests.support.researcher_site import played, signed_in
@@ -157,7 +158,26 @@ def test_a_paused_study_lets_nobody_in_until_it_is_resumed(site: PageSite) -> No
     noted = site.database.read_now(audit.entries)
     assert [entry.action for entry in noted] == ["sign in", "pause study", "resume study"]
     assert noted[1].actor == "act"
-    assert noted[1].detail == {"study": "small", "reason": "the room is dark"}
+    assert noted[1].detail == {"study": "small", "reason": "the room is dark", "done": True}
+
+
+def test_what_the_audit_log_cannot_record_is_not_done(site: PageSite, monkeypatch: pytest.MonkeyPatch) -> None:
+    Visitor(site).consent("small")
+    person = site.only("small").id
+    researcher = signed_in(site, "act")
+    researcher.get("/admin/s/small")
+    token = researcher.token()
+
+    def down(*_: object) -> None:
+        raise DatabaseDown("away")
+
+    monkeypatch.setattr(audit, "add", down)
+    for path in ("/admin/s/small/pause", f"/admin/s/small/person/{person}/release", "/admin/blind"):
+        assert researcher.client.post(path, data={"form_token": token, "note": "x", "blind": "off"}).status_code == 503
+    assert site.database.read_now(decisions.paused_studies) == set()
+    assert site.only("small").status == "active"
+    monkeypatch.undo()
+    assert "hidden" in researcher.get(f"/admin/s/small/person/{person}").text, "still in blind mode"
 
 
 def test_an_exclusion_needs_a_reason_is_audited_and_can_be_taken_back(site: PageSite) -> None:
@@ -188,6 +208,17 @@ def test_a_freed_place_is_given_to_the_next(site: PageSite) -> None:
     assert "free again" in researcher.post(f"{page}/release", note="left the room", next=page).text
     assert site.only("small").status == "returned"
     assert "already ended" in researcher.post(f"{page}/release", note="again", next=page).text
+
+
+def test_only_who_still_takes_part_gets_more_time(site: PageSite) -> None:
+    Visitor(site).consent("small")
+    person = site.only("small")
+    researcher, other = signed_in(site, "act"), signed_in(site, "act")
+    page = f"/admin/s/small/person/{person.id}"
+    researcher.get(page), other.get(page)
+    assert "more time now" in other.post(f"{page}/extend", note="a call", next=page).text
+    researcher.post(f"{page}/release", note="they went home", next=page)
+    assert "already ended" in other.post(f"{page}/extend", note="a call", next=page).text
 
 
 def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: PageSite) -> None:

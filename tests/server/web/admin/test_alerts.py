@@ -5,11 +5,14 @@ import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import pytest
+
 from server.monitoring import invented_participants
 from server.monitoring.alerts import Alert, Alerts, message_of
 from server.monitoring.peers import Process, SingleProcess
 from server.play.lateness import LATELY_S, Lateness
 from server.store import events
+from server.store.database import DatabaseDown
 from server.store.tables import participants as participants_table
 from tests.support.page_site import PageSite, Visitor
 
@@ -33,6 +36,38 @@ def test_alerts_are_posted_when_they_begin_and_when_they_are_over(site: PageSite
     loop.lateness = Lateness()
     asyncio.run(alerts.look())
     assert told[-1] == ("late", True)
+
+
+def test_the_errors_of_one_browser_do_not_hide_those_of_another(site: PageSite, tmp_path: Path) -> None:
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
+    for _ in range(2):
+        Visitor(site).consent("small")
+    people = [one.id for one in site.everybody("small")]
+    now = datetime.now(UTC)
+    for person in (people[0], *[people[1]] * 30):
+        site.database.write_now(events.add, events.Event("trouble", now, person, detail={"text": "x"}))
+    asyncio.run(alerts.look())
+    assert sorted(alerts.open) == sorted(f"trouble {person}" for person in people)
+
+
+def test_an_alert_of_a_study_is_not_over_because_the_database_cannot_be_read(
+    site: PageSite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[str, bool]] = []
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    Visitor(site).consent("small")
+    person = site.only("small").id
+    site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "x"}))
+    asyncio.run(alerts.look())
+
+    async def down(*_: object) -> None:
+        raise DatabaseDown("away")
+
+    with monkeypatch.context() as outage:
+        outage.setattr(site.database, "read", down)
+        asyncio.run(alerts.look())
+    asyncio.run(alerts.look())
+    assert told == [(f"trouble {person}", False), ("unreadable", False), ("unreadable", True)]
 
 
 def test_an_alert_reports_people_who_consent_and_do_nothing(site: PageSite, tmp_path: Path) -> None:

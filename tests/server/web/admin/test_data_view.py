@@ -5,12 +5,13 @@ import html
 import io
 import re
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from server.store import answers, audit
 from server.store.answers import SubmittedPage
-from server.store.data_view import PAGE_ROWS, TABLES, DataQuery, data_page
+from server.store.data_view import PAGE_ROWS, TABLES, DataPage, DataQuery, data_page
 from server.store.database import Database
 from server.web.admin import data_pages
 from tests.support.page_site import PageSite, Visitor
@@ -93,6 +94,31 @@ def test_the_download_has_what_is_seen_with_formulas_made_harmless(researcher: R
     assert entry.detail == {"study": "small", "table": "answers", "filtered": True}
     log = researcher.get("/admin/audit").text
     assert '<span class="soft">filtered</span> yes</span>' in log
+
+
+def test_a_download_is_of_one_moment_although_people_take_part(
+    researcher: Researcher, site: PageSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second, _ = sorted(site.everybody("small"), key=lambda person: person.number)
+    for person in (first, second):
+        page = SubmittedPage(person.id, "page", {"words": "a", "mood": 1, "many": 2}, None, 12.0)
+        site.database.write_now(answers.save, page)
+    unblind(researcher)
+    researcher.get("/admin/s/small/data?table=answers")
+    monkeypatch.setattr(data_pages, "CHUNK_ROWS", 2)
+
+    def then_somebody_answers(connection: Any, wanted: DataQuery, done: int, most: int) -> DataPage:
+        found = data_page(connection, wanted, done, most)
+        late = SubmittedPage(first.id, f"page-{done}", {f"late-{done}": 1}, None, 12.0)
+        site.database.write_now(answers.save, late)
+        return found
+
+    monkeypatch.setattr(data_pages, "data_page", then_somebody_answers)
+    sent = researcher.post("/admin/s/small/data.csv", table="answers")
+    rows = list(csv.DictReader(io.StringIO(sent.content.decode("utf-8-sig"))))
+    asked = ["words", "mood", "many"]
+    assert sorted(row["question"] for row in rows if row["participant"] == "P-001") == sorted(asked)
+    assert sorted(row["question"] for row in rows if row["participant"] == "P-002") == sorted(asked)
 
 
 def test_unknown_tables_and_other_roles_are_refused(researcher: Researcher, site: PageSite) -> None:
