@@ -48,8 +48,8 @@ def keep_strong(layout: Layout) -> None:
         if (here / strong(agent)).exists() or not (here / agent).is_dir():
             continue
         for folder in sorted(here.glob(f"{agent}_predictor_*")):
-            kept = folder.rename(here / folder.name.replace(agent, strong(agent), 1))
-            say_whose(kept, agent, strong(agent))
+            say_whose(folder, agent, strong(agent))
+            folder.rename(here / folder.name.replace(agent, strong(agent), 1))
         (here / agent).rename(here / strong(agent))  # last: as long as it is there, the next command continues here
 
 
