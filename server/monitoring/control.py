@@ -167,7 +167,7 @@ class Control:
 
     def _resume_study(self, study: str) -> int:
         """Let the games of a study continue, without those that a researcher has paused one by one. Nothing is read:
-        whoever paused them knows them, and the database may be away."""
+        the process that paused them knows them, and the database may be away."""
         self._paused.discard(study)
         versions = self._studies.versions(study)
         held = [game for game in self._games if STUDY in game.session.pause_reasons]
