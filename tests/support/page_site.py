@@ -8,6 +8,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from html import unescape
 from pathlib import Path
+from typing import Any, cast
 from urllib.parse import urlencode
 
 import httpx
@@ -39,6 +40,13 @@ SMALL_STUDY = (ROOT / "tests" / "data" / "small_study.yaml").read_text(encoding=
 SECRET = b"a secret for tests only, never served"
 
 
+class NoGames(dict[str, Any]):
+    """No game runs here."""
+
+    async def taken_up(self, episode: str) -> None:
+        """Return no game."""
+
+
 class PageSite:
     """A running server with some studies."""
 
@@ -53,7 +61,7 @@ class PageSite:
         install_error_pages(self.app)
         self.app.include_router(study_pages.router)
         self.app.include_router(exits.router)
-        control = Control({}, self.database, self.studies)  # type: ignore[arg-type] - no game runs here
+        control = Control(cast(Any, NoGames()), self.database, self.studies)
         web = Web(self.database, self.studies, CsrfProtection(SECRET), templates())
         self.use(some_services(web=web, control=ClusterControl(control)))
         self.clients: list[httpx.Client] = []
