@@ -45,6 +45,7 @@ def listed_as(folder: Path, out: Path, conditions: Sequence[str]) -> Report:
 @pytest.mark.parametrize(
     "orders", mostly_slow([["none random tom", "random tom none", "tom none random"], ["none tom", "tom none"]])
 )
+@pytest.mark.slow
 def test_the_sentences_are_the_same_whatever_the_order_of_the_conditions(orders: Sequence[str], tmp_path: Path) -> None:
     truth = Truth(
         participants=10, conditions=tuple(orders[0].split()), layouts=LAYOUTS, timesteps=20, broken=0,

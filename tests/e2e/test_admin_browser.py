@@ -277,6 +277,7 @@ def kept_report(server: LiveServer) -> None:
     assert database.write_now(study_reports.finish, number, archive.getvalue(), 12, True)
 
 
+@pytest.mark.slow
 def test_the_kept_report_opens_in_a_sandbox_and_can_be_downloaded(page: Page, server: LiveServer) -> None:
     kept_report(server)
     if page.locator("#blind-note").count():

@@ -69,6 +69,7 @@ def fill_in(page: Page, **changed: str) -> None:
         page.fill(f"[name={name}]", value)
 
 
+@pytest.mark.slow
 def test_digits_answer_a_scale_though_another_question_is_open_before_it(page: Page) -> None:
     page.keyboard.press("5")
     page.keyboard.press("2")
@@ -88,6 +89,7 @@ def unanswered(page: Page) -> None:
     assert chosen(page, "mood") is None
 
 
+@pytest.mark.slow
 def test_digit_keys_of_every_keyboard_answer(page: Page) -> None:
     keyboards = {
         "azerty": ("Digit3", '"'),
@@ -104,6 +106,7 @@ def test_digit_keys_of_every_keyboard_answer(page: Page) -> None:
         assert chosen(page, "mood") == "3", name
 
 
+@pytest.mark.slow
 def test_keys_as_the_machine_sends_them_answer(page: Page) -> None:
     keyboards = {
         "azerty 1": ("Digit1", "&", 49),

@@ -20,7 +20,7 @@ def come_back(page: Page) -> None:
     page.evaluate("delete document.hasFocus; window.dispatchEvent(new Event('focus'))")
 
 
-@pytest.mark.parametrize("reason", ["researcher", "database", "partner"])
+@pytest.mark.parametrize("reason", mostly_slow(["partner", "researcher", "database"]))
 def test_a_participant_who_leaves_during_a_pause_is_away_and_can_come_back(
     chromium: Browser, server: FakeGameServer, reason: PauseReason
 ) -> None:

@@ -16,6 +16,7 @@ from tests.support.browser.game_page import (
     screenshot,
     start,
 )
+from tests.support.parameters import mostly_slow
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
@@ -101,7 +102,7 @@ def test_nothing_moves_between_ticks_when_motion_is_reduced(chromium: Browser, s
         assert is_green(pixel(page, 7.5, 2.72)), "marks are there at once"
 
 
-@pytest.mark.parametrize("factor", [2, 3])
+@pytest.mark.parametrize("factor", mostly_slow([2, 3]))
 def test_the_board_has_two_pixels_for_each_of_the_page_on_sharp_screens_and_no_more(
     chromium: Browser, server: FakeGameServer, factor: int
 ) -> None:

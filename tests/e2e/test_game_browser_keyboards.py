@@ -87,6 +87,7 @@ def test_every_key_that_is_taken_works(chromium: Browser, server: FakeGameServer
             assert taps(server) == [5] * count, code
 
 
+@pytest.mark.slow
 def test_stored_keys_that_do_not_work_are_replaced_by_the_usual_ones(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server, viewport=DESKTOP) as page:
         stored = '{"0": [""], "1": ["ControlLeft"], "2": ["KeyW"], "3": "KeyA", "5": ["Space", 7]}'
@@ -143,6 +144,7 @@ def test_labels_are_learned_from_the_keys_where_the_browser_does_not_tell(
         expect(page.locator(".panel.kb kbd[data-action='0']")).to_have_text("A")
 
 
+@pytest.mark.slow
 def test_a_browser_that_keeps_nothing_still_plays(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server, viewport=DESKTOP) as page:
         page.add_init_script(

@@ -8,6 +8,7 @@ from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
 from tests.support.browser.game_page import PHONE, opened, settled, start
 from tests.support.browser.pressed_keys import moves, press_raw, taps, were_sent
 from tests.support.browser.pressed_keys import page as page
+from tests.support.parameters import mostly_slow
 
 
 def test_a_held_key_sends_one_message_and_its_release_another(page: Page, server: FakeGameServer) -> None:
@@ -182,6 +183,7 @@ def test_two_fingers_walk_and_use_at_once(chromium: Browser, server: FakeGameSer
         assert moves(server) == [(0, 0), (0, 5), (None, None), (2, 2), (None, None)], "slid from up to right"
 
 
+@pytest.mark.slow
 def test_the_pad_works_without_a_pointer(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server, viewport=PHONE, has_touch=True, is_mobile=True) as page:
         start(page, server)
@@ -203,7 +205,7 @@ def test_keys_pressed_during_the_countdown_reach_the_server(chromium: Browser, s
         assert moves(server) == [(0, 0)], "a key held into the start counts from the first timestep on"
 
 
-@pytest.mark.parametrize("modifier", ["Meta", "Control", "Alt"])
+@pytest.mark.parametrize("modifier", mostly_slow(["Meta", "Control", "Alt"]))
 def test_a_key_up_that_a_modifier_swallows_does_not_leave_the_chef_walking(
     page: Page, server: FakeGameServer, modifier: str
 ) -> None:
@@ -241,6 +243,7 @@ def test_a_menu_over_the_game_releases_the_keys(page: Page, server: FakeGameServ
     were_sent(page, server, moves, [(0, 0), (None, None)])
 
 
+@pytest.mark.slow
 def test_dragging_something_over_the_game_releases_the_keys(page: Page, server: FakeGameServer) -> None:
     page.keyboard.down("ArrowUp")
     page.evaluate("document.querySelector('.stage').dispatchEvent(new DragEvent('dragstart', {bubbles: true}))")
@@ -254,6 +257,7 @@ def test_every_dialog_releases_the_keys(page: Page, server: FakeGameServer) -> N
     were_sent(page, server, moves, [(3, 3), (None, None)])
 
 
+@pytest.mark.slow
 def test_a_mouse_button_whose_release_was_swallowed_holds_nothing(page: Page, server: FakeGameServer) -> None:
     page.set_viewport_size(PHONE)
     page.evaluate("document.querySelector('.touch').style.display = 'flex'")

@@ -25,6 +25,7 @@ def test_introduction_returns_to_its_slide_and_continues_by_keyboard(person: Bro
     expect(page.locator("#questions")).to_be_visible()
 
 
+@pytest.mark.slow
 def test_arrow_keys_turn_the_slides_and_stop_at_both_ends(person: BrowserPerson) -> None:
     page = person.consent().jump("introduction").page
     first = heading(page).inner_text()
@@ -49,6 +50,7 @@ SWIPE = """([x, y]) => {
 }"""
 
 
+@pytest.mark.slow
 def test_swipes_turn_the_slides_and_scrolling_does_not(person: BrowserPerson) -> None:
     page = person.consent().jump("introduction").page
     first = heading(page).inner_text()

@@ -34,6 +34,7 @@ def test_the_marks_key_is_sent_while_held_and_walking_continues(chromium: Browse
         assert found == [(None, None, True), (2, 2, None), (None, None, None), (None, None, False)]
 
 
+@pytest.mark.slow
 def test_another_key_can_be_chosen_and_the_legend_names_it(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = welcome(show="toggle")
     with opened(chromium, server, viewport=DESKTOP) as page:
@@ -88,6 +89,7 @@ def test_on_a_touch_screen_a_button_asks_for_the_marks(
 
 
 @pytest.mark.parametrize("language", ["en", "zh"])
+@pytest.mark.slow
 def test_on_a_desktop_no_line_of_the_legend_is_cut_off(
     chromium: Browser, server: FakeGameServer, language: str
 ) -> None:

@@ -39,6 +39,7 @@ def test_kitchens_are_taken_out_of_the_published_study_without_correcting_anythi
     is_accessible(page)
 
 
+@pytest.mark.slow
 def test_a_new_questionnaire_needs_only_its_texts_and_one_click_to_be_asked(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "asking")

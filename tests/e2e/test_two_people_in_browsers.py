@@ -83,6 +83,7 @@ def test_two_browsers_wait_meet_cook_and_each_sees_itself_in_blue(chromium: Brow
         assert cooks[0].episode == cooks[1].episode
 
 
+@pytest.mark.slow
 def test_without_a_partner_a_participant_is_informed_that_an_agent_replaces_it(
     chromium: Browser, impatient: LiveServer
 ) -> None:

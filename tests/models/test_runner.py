@@ -293,6 +293,7 @@ async def test_a_model_that_does_not_fit_is_refused_before_anything_is_served(se
         await serving(["no_such_module:Agent"])
 
 
+@pytest.mark.slow
 async def test_added_models_answer_together_with_the_earlier_ones(serving):
     server = await serving([NORTHWARD])
     with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):

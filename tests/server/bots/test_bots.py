@@ -63,8 +63,8 @@ def all_bundled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnServer]
         yield server
 
 
-# One for a person and an agent, as published; one for two people; the smallest.
-EVERY_RUN = ("external_predictor", "two_people", "quick_look")
+# As published, and the smallest.
+EVERY_RUN = ("external_predictor", "quick_look")
 
 
 @pytest.mark.parametrize(

@@ -98,6 +98,7 @@ def test_every_timestep_without_the_required_display_is_counted_by_bots_export_a
 
 
 @pytest.mark.timeout(1200)
+@pytest.mark.slow
 def test_timesteps_in_which_a_broken_agent_gave_no_answer_are_reported(tmp_path: Path) -> None:
     (tmp_path / "breaks.py").write_text(BREAKS, encoding="utf-8")
     file = study(tmp_path, "random")
