@@ -226,6 +226,7 @@ def two_versions(name: str, table: pl.DataFrame) -> pl.DataFrame:
 
 
 @pytest.mark.usefixtures("quick_command")
+@pytest.mark.slow
 def test_two_versions_are_named_and_one_can_be_chosen(
     small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -288,6 +289,7 @@ def test_the_seed_seeds_everything_that_is_drawn(planted_folder: Path, tmp_path:
 
 
 @pytest.mark.usefixtures("quick_command")
+@pytest.mark.slow
 def test_the_command_in_the_report_makes_the_report_again(
     small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -37,6 +37,7 @@ def test_simulated_participants_are_left_out_where_there_are_people(mixed: tuple
     assert export.simulated_left_out == 15 - len(people)
 
 
+@pytest.mark.slow
 def test_a_report_on_people_gives_the_number_of_omitted_simulated_participants(
     mixed: tuple[Path, list[str]], tmp_path: Path
 ) -> None:

@@ -101,6 +101,7 @@ def help_text(page: Page) -> str:
     return page.inner_text("#marks-help-text")
 
 
+@pytest.mark.slow
 def test_one_key_explains_the_marks_before_a_round_and_in_a_pause_but_not_while_it_runs(
     chromium: Browser, server: FakeGameServer
 ) -> None:

@@ -9,6 +9,7 @@ from tests.support.browser.person import DESK, PHONE, BrowserPerson, answer_ever
 from tests.support.page_site import SMALL_STUDY, PageSite
 
 
+@pytest.mark.slow
 def test_introduction_returns_to_its_slide_and_continues_by_keyboard(person: BrowserPerson) -> None:
     page = person.consent().jump("introduction").page
     page.locator("#next").focus()

@@ -155,6 +155,7 @@ def test_a_browser_of_2022_passes_the_check(site: PageSite, page: Page) -> None:
     expect(page.locator("#agree")).to_be_enabled()
 
 
+@pytest.mark.slow
 def test_a_browser_of_2022_plays(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = welcome(kind="tutorial", endless=True, horizon=0, grid=PRACTICE)
     with opened(chromium, server, viewport=DESKTOP) as page:

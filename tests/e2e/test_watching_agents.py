@@ -29,6 +29,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
 @pytest.mark.parametrize(
     ("viewport", "marks"), mostly_slow([(DESKTOP, 1), (PHONE, 0)]), ids=["desktop-green", "phone-blue"]
 )
+@pytest.mark.slow
 def test_two_agents_cook_for_a_viewer(
     chromium: Browser, server: LiveServer, viewport: dict[str, int], marks: int
 ) -> None:

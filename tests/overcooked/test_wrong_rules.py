@@ -126,6 +126,7 @@ def test_wrong_variant_is_caught(name: str) -> None:
         assert differences(variant, interpreted("score")) == 1
 
 
+@pytest.mark.slow
 def test_right_rules_pass_the_same_check() -> None:
     assert differences(interpreted("rules"), interpreted("score")) == 0
     assert encoding_differences(interpreted("observe")) == 0

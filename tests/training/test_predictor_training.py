@@ -84,6 +84,7 @@ def test_the_stream_form_learns_to_predict_better_than_the_baselines(stream):
     learned(*stream[:2])
 
 
+@pytest.mark.slow
 def test_the_window_form_learns_to_predict_better_than_the_baselines(games, tmp_path):
     learned(*trained("window", games, tmp_path))
 
