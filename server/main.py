@@ -74,15 +74,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 MAX_CLIENT_ERRORS = 100  # of one participant that are stored
-_ROUTES = (
-    study_pages,
-    exits,
-    game_socket,
-    watch_agents,
-    researcher_routes,
-    health,
-    protocol_document,
-)
+_ROUTES = (study_pages, exits, game_socket, watch_agents, researcher_routes, health, protocol_document)
 
 
 def create_app(settings: Settings) -> FastAPI:

@@ -48,12 +48,12 @@ def keep_strong(layout: Layout) -> None:
         if (here / strong(agent)).exists() or not (here / agent).is_dir():
             continue
         for folder in sorted(here.glob(f"{agent}_predictor_*")):
-            say_whose(folder, agent, strong(agent))
+            name_predicted_agent(folder, agent, strong(agent))
             folder.rename(here / folder.name.replace(agent, strong(agent), 1))
         (here / agent).rename(here / strong(agent))  # last: as long as it is there, the next command continues here
 
 
-def say_whose(predictor: Path, agent: str, name: str) -> None:
+def name_predicted_agent(predictor: Path, agent: str, name: str) -> None:
     """Give the predicted agent another name in a predictor's config and card; the weights stay as they are."""
     found = load_checkpoint(predictor)
     card = found.card.replace(f"# Predictor of {agent} on ", f"# Predictor of {name} on ", 1)

@@ -155,7 +155,8 @@ def test_sound_is_off_until_it_is_wanted_and_the_choice_is_kept(chromium: Browse
         [
             "delete window.AudioContext",
             "window.AudioContext = function () { throw new DOMException('no device', 'NotSupportedError'); }",
-            "AudioContext.prototype.createOscillator = () => { throw new DOMException('closed', 'InvalidState'); }",
+            "AudioContext.prototype.createOscillator ="
+            " () => { throw new DOMException('closed', 'InvalidStateError'); }",
         ]
     ),
     ids=["no WebAudio", "no device", "closed"],

@@ -24,8 +24,7 @@ router = APIRouter(prefix="/admin/drafts/{draft}/bots")
 async def outcome(request: Request, admin: OwnDep, services: ServicesDep, draft: DraftDep) -> Response:
     """How the newest rehearsal of the draft goes or went."""
     page = AdminPage(request, admin)
-    others = [one for process in await services.live.peers.processes() for one in process.rehearsals]
-    found = services.rehearsals.of(draft.id, others)
+    found = services.rehearsals.of(draft.id, await _of_other_processes(services))
     return page.render("draft_bots.html", tab="drafts", draft=draft, rehearsal=found, most=MAX_BOTS)
 
 
@@ -39,8 +38,7 @@ async def start(admin: OwnDep, services: ServicesDep, draft: WholeDraftDep, form
         return back_to(here, "bots_players")
     if not await asyncio.to_thread(_can_be_opened, draft.source, services):
         return back_to(f"/admin/drafts/{draft.id}", "draft_faulty")
-    others = [one for process in await services.live.peers.processes() for one in process.rehearsals]
-    if any(one.is_running for one in others):
+    if any(one.is_running for one in await _of_other_processes(services)):
         return back_to(here, "bots_busy")
     rehearsal = Rehearsal(draft.id, draft.revision, number, admin.name)
     if not services.rehearsals.start(rehearsal, draft.source, partial(_note, services.web.database)):
@@ -54,6 +52,10 @@ def _can_be_opened(source: str, services: Services) -> bool:
     file, versions = drafting.view(source).file, services.versions
     found = [] if file is None else draft_problems(versions.as_opened(file, {}), versions.of_files())
     return file is not None and all(problem.warning for problem in found)
+
+
+async def _of_other_processes(services: Services) -> list[Rehearsal]:
+    return [one for process in await services.live.peers.processes() for one in process.rehearsals]
 
 
 async def _note(database: Database, over: Rehearsal) -> None:

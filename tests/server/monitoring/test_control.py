@@ -11,6 +11,7 @@ from server.monitoring import control as control_module
 from server.monitoring.commands import EndGame, EndGames, PauseGame, PauseStudy, ResumeGame, ResumeStudy
 from server.monitoring.control import Control
 from server.play import messages as m
+from server.play.game import Game
 from server.play.pause_reasons import RESEARCHER, STUDY
 from server.play.recorder import EpisodeRecord
 from server.store import decisions
@@ -35,6 +36,11 @@ def control_of_study(running: RunningGames, versions: Sequence[int] = (1,)) -> C
 
     studies = SimpleNamespace(versions=lambda _: tuple(versions))
     return Control(running.games, cast(Any, SimpleNamespace(read=read)), cast(Any, studies))
+
+
+async def pause_study(control: Control, game: Game) -> None:
+    await control.run(PauseStudy("two"))
+    await until(lambda: STUDY in game.session.pause_reasons)
 
 
 @pytest.mark.parametrize("command", [EndGame("e1"), EndGames(["e1"])])
@@ -65,8 +71,7 @@ async def test_a_game_that_was_paused_by_itself_stays_paused_when_its_study_cont
     _, game = await running.under_way()
     control = control_of_study(running)
     await control.run(PauseGame("e1"))
-    await control.run(PauseStudy("two"))
-    await until(lambda: STUDY in game.session.pause_reasons)
+    await pause_study(control, game)
     assert await control.run(ResumeStudy("two")) == 1
     assert game.session.phase == "paused"
     await control.run(ResumeGame("e1"))
@@ -77,8 +82,7 @@ async def test_a_game_that_was_paused_by_itself_stays_paused_when_its_study_cont
 async def test_games_continue_although_the_database_is_away_when_their_study_is_resumed(running: RunningGames) -> None:
     _, game = await running.under_way()
     control = control_of_study(running)
-    await control.run(PauseStudy("two"))
-    await until(lambda: STUDY in game.session.pause_reasons)
+    await pause_study(control, game)
     running.specs["e2"] = running.specs["e1"]
     await running.play("e2")  # nobody has read yet of which study it is
 
@@ -94,8 +98,7 @@ async def test_games_continue_although_the_database_is_away_when_their_study_is_
 async def test_resuming_one_game_does_not_move_it_while_its_study_is_paused(running: RunningGames) -> None:
     connection, game = await running.under_way()
     control = control_of_study(running)
-    await control.run(PauseStudy("two"))
-    await until(lambda: STUDY in game.session.pause_reasons)
+    await pause_study(control, game)
     connection.sent.clear()
     await control.run(ResumeGame("e1"))
     assert game.session.phase == "paused"

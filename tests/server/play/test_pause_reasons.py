@@ -5,9 +5,11 @@ import pytest
 from server.play.episode_spec import PauseLimits
 from server.play.pause_reasons import PauseReasons
 
+LIMITS = PauseLimits(each_s=30, episode_s=60)
+
 
 def test_a_page_that_goes_and_comes_all_the_time_uses_its_time_up() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     for count in range(1000):
         reasons.hold(0, "hidden", now := count * 0.01)
         left_s = reasons.left_s(now)
@@ -19,7 +21,7 @@ def test_a_page_that_goes_and_comes_all_the_time_uses_its_time_up() -> None:
 
 @pytest.mark.parametrize("holder", ["researcher", "database"])
 def test_time_in_which_nobody_could_return_does_not_count_as_an_absence(holder: str) -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     reasons.hold(0, "hidden", 0.0)
     reasons.hold(holder, holder, 10.0)
     assert reasons.left_s(10_000.0) is None
@@ -36,7 +38,7 @@ def test_time_in_which_nobody_could_return_does_not_count_as_an_absence(holder: 
 
 
 def test_time_used_up_by_absences_is_known_while_one_lasts() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 1500.0)
+    reasons = PauseReasons(LIMITS, 1500.0)
     assert reasons.away_ms(0.0) == 1500.0
     reasons.hold(0, "hidden", 0.0)
     reasons.hold(1, "server", 0.0)
@@ -48,14 +50,14 @@ def test_time_used_up_by_absences_is_known_while_one_lasts() -> None:
 
 
 def test_only_absences_of_people_count_as_being_away() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     reasons.hold(0, "not_started", 0.0)
     reasons.hold(1, "lost", 0.0)
     assert [reasons.is_away(person) for person in (0, 1, 2)] == [False, True, False]
 
 
 def test_absences_count_again_when_neither_the_researcher_nor_the_database_pauses_the_game() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     reasons.hold("researcher", "researcher", 0.0)
     reasons.hold("database", "database", 5.0)
     reasons.hold(0, "lost", 10.0)
@@ -66,7 +68,7 @@ def test_absences_count_again_when_neither_the_researcher_nor_the_database_pause
 
 
 def test_leaving_again_and_again_while_the_researcher_pauses_the_game_uses_no_time_up() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     reasons.hold("researcher", "researcher", 0.0)
     for now in range(1000):
         reasons.hold(0, "blur", float(now))
@@ -77,7 +79,7 @@ def test_leaving_again_and_again_while_the_researcher_pauses_the_game_uses_no_ti
 
 
 def test_the_next_absence_may_take_what_earlier_ones_have_left() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     assert reasons.next_absence_s(0.0) == 30.0
     reasons.hold(0, "hidden", 0.0)
     reasons.release(0, 28.0)
@@ -93,7 +95,7 @@ def test_the_next_absence_may_take_what_earlier_ones_have_left() -> None:
 
 
 def test_the_time_in_which_two_people_are_away_counts_once() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     reasons.hold(0, "lost", 0.0)
     reasons.hold(1, "lost", 5.0)
     reasons.release(0, 20.0)
@@ -102,7 +104,7 @@ def test_the_time_in_which_two_people_are_away_counts_once() -> None:
 
 
 def test_two_people_who_relieve_each_other_use_up_the_time_of_the_episode() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     reasons.hold(0, "lost", 0.0)
     reasons.hold(1, "lost", 25.0)
     reasons.release(0, 26.0)
@@ -113,7 +115,7 @@ def test_two_people_who_relieve_each_other_use_up_the_time_of_the_episode() -> N
 
 
 def test_after_a_pause_of_the_researcher_two_absences_begin_anew() -> None:
-    reasons = PauseReasons(PauseLimits(each_s=30, episode_s=60), 0)
+    reasons = PauseReasons(LIMITS, 0)
     reasons.hold(0, "lost", 0.0)
     reasons.hold(1, "lost", 0.0)
     reasons.hold("researcher", "researcher", 10.0)
