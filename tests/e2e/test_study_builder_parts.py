@@ -273,7 +273,7 @@ def test_models_that_were_trained_here_are_chosen_by_name(new_page: NewPage, ser
     at(page, "agents", 0).locator("summary").first.click()
     choice = page.get_by_role("group", name="Agents that were trained here").get_by_role("button", name="mine")
     choice.first.press("Enter")
-    expect(yaml_of(page)).to_have_value(re.compile(r"- \{name: sp, model: mine\}"))
+    expect(yaml_of(page)).to_have_value(re.compile(r"- \{name: sp_strong, model: mine\}"))
     expect(choice.first).to_have_attribute("aria-pressed", "true")
     expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     is_accessible(page)
