@@ -2,6 +2,8 @@
 
     python benchmarks/limits.py [--layout coordination_ring] [--partner human_bc] [--states 6000] [--json]
 
+--partner test: with the test partners of the predictors, each deciding and sampling.
+
 All possible courses of the next timesteps are enumerated with their probabilities: the probability of the most likely
 action is the best possible accuracy. A predictor without the agents' policies stays below.
 """
@@ -9,19 +11,23 @@ action is the best possible accuracy. A predictor without the agents' policies s
 import argparse
 import json
 import os
+from collections.abc import Sequence
+from dataclasses import replace
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.acting import distribution
-from models.agents.catalogue import LoadedAgent, load_agent
+from models.acting import GREEDY, SAMPLED, distribution
+from models.agents.catalogue import LoadedAgent
 from models.protocols import STEPS, Mode, Observations, Policy, Probabilities
 from overcooked.constants import ACTIONS, HORIZON, PLAYERS
 from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens
-from training.collect import CollectionPlan, Partner, Target, games_with
+from training.collect import TEST, CollectionPlan, Partner, Target, games_with
+from training.population import load_target
+from training.publish_predictor import partners_in, population_folder, unseen_partners
 
 LIKELY = 0.003  # courses less likely than this, of one timestep, are dropped
 Ints = NDArray[np.integer]
@@ -59,10 +65,28 @@ def _distribution(policy: Policy, mode: Mode, seen: Observations, stuck: Ints) -
 
 
 def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]:
-    """Return the best accuracy (%) of each of the three steps, over `states` timesteps of their games."""
-    agents = load_agent(agent, layout), load_agent(partner, layout)
-    target = Target(agent, *agents[0])
-    games = games_with(layout, target, Partner(partner, partner, "extra", *agents[1]), CollectionPlan(trajectories=2))
+    """Return the best accuracy (%) of each of the three steps, over `states` timesteps of the agent's games with
+    `partner`: an agent, or `test` for all test partners, which have an equal share of the timesteps."""
+    target, partners = load_target(agent, layout), partners_called(partner, layout)
+    share = max(1, states // len(partners))
+    found = [_limits_with(layout, target, one, share) for one in partners]
+    return [round(100 * float(np.concatenate(step).mean()), 1) for step in zip(*found, strict=True)]
+
+
+def partners_called(name: str, layout: Layout) -> list[Partner]:
+    """Return an agent in the mode of studies, or for `test` every test partner in both modes of the collected games."""
+    population = population_folder(layout)
+    if name != TEST:
+        return unseen_partners(layout, population, name)
+    return [replace(one, mode=mode) for one in partners_in(TEST, layout, population) for mode in (GREEDY, SAMPLED)]
+
+
+def _limits_with(layout: Layout, target: Target, partner: Partner, states: int) -> Sequence[NDArray[np.float32]]:
+    """Return the probability of the most likely action in each of the chosen timesteps, for each step ahead."""
+    if partner.mode is None:
+        raise ValueError(f"{partner.name}: acts in two modes. Give it one.")
+    games = games_with(layout, target, partner, CollectionPlan(trajectories=2))
+    agents = LoadedAgent(target.policy, target.mode), LoadedAgent(partner.policy, partner.mode)
     seat = np.repeat(games["seat"][:, None], games["timestep"].shape[1], 1).astype(np.int64)
     early = np.flatnonzero(games["timestep"] < HORIZON - STEPS)
     chosen = np.random.default_rng(0).choice(early, min(states, len(early)), replace=False)
@@ -71,10 +95,8 @@ def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]
     best = []
     for step in range(STEPS):
         kitchens = Kitchens(layout, at["players"].copy(), at["contents"].copy(), clock.copy())
-        action_distribution = distribution_ahead(
-            kitchens, agents, seat.ravel()[chosen], at["stuck"].astype(np.int64), step
-        )
-        best.append(round(100 * float(action_distribution.max(1).mean()), 1))
+        stuck = at["stuck"].astype(np.int64)
+        best.append(distribution_ahead(kitchens, agents, seat.ravel()[chosen], stuck, step).max(1))
     return best
 
 

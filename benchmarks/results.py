@@ -22,10 +22,11 @@ sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolv
 from benchmarks.support import kept_figures, results_tables  # noqa: E402
 from benchmarks.support.results_tables import AGENTS, FORMS, HUMAN, LAYOUTS, PLANNER, SETS  # noqa: E402
 from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
-from overcooked.layout import load_layout  # noqa: E402
+from overcooked.layout import Layout, load_layout  # noqa: E402
 
 FIGURES = Path(__file__).with_suffix(".json")
 README, DOCUMENT = ROOT / "README.md", ROOT / "docs" / "explanation" / "results.md"
+STATES = 6000  # of each observer
 BEGIN, END = "<!-- tables of benchmarks/results.py -->", "<!-- end of the tables -->"
 
 
@@ -75,7 +76,16 @@ def measured(quick: bool = False) -> dict[str, Any]:
         "sha256": bundled_agents(),
         "agents": [*(entry for layout in layouts for entry in evaluate_bundled(layout, AGENTS, **size)), *planners],
         "with_human_bc": with_human,
+        "observers": [observer(layout, agent, quick) for layout in layouts for agent in AGENTS],
     }
+
+
+def observer(layout: Layout, agent: str, quick: bool = False) -> dict[str, Any]:
+    """Measure the accuracy (%) of an observer who knows both agents' action probabilities, with the test partners."""
+    from benchmarks.limits import limits
+    from training.collect import TEST
+
+    return {"layout": layout.name, "agent": agent, "steps": limits(layout, agent, TEST, 60 if quick else STATES)}
 
 
 def bundled_agents() -> dict[str, str]:
@@ -100,21 +110,29 @@ def summary(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) ->
 
 def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> str:
     """Return the tables in docs/explanation/results.md, markers included."""
-    sections = [_accuracy(entries), _points(figures), _with_human(entries, figures), _next_interactions(entries)]
+    sections = [
+        _accuracy(entries, figures),
+        _points(figures),
+        _with_human(entries, figures),
+        _next_interactions(entries),
+    ]
     lines = [line for section in sections for line in section]
     return "\n".join([BEGIN, results_tables.WARNING, "", *lines, END])
 
 
-def _accuracy(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+def _accuracy(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> list[str]:
     """Return the accuracy of the predictors of both sets of agents."""
+    observers = figures["observers"]
     return [
-        "Accuracy of the predictors of the published agents (%, mean of three steps; `window` is the paper's form):",
+        "Accuracy of the predictors of the published agents (%, mean of three steps; `window` is the paper's form).",
+        "The observer knows the action probabilities of both agents, but not their random draws: no predictor can",
+        "do better on average (`benchmarks/limits.py`).",
         "",
-        *results_tables.accuracy(entries, SETS["published"], FORMS),
+        *results_tables.accuracy(entries, observers, SETS["published"], FORMS),
         "",
         "Accuracy of the predictors of the strong agents, with the same test partners:",
         "",
-        *results_tables.accuracy(entries, SETS["strong"], ("stream",)),
+        *results_tables.accuracy(entries, observers, SETS["strong"], ("stream",)),
         "",
     ]
 

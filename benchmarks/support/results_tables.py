@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
+from models.protocols import STEPS
+
 LAYOUTS: Final = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 SETS: Final = {"published": ("sp", "fcp"), "strong": ("sp_strong", "fcp_strong")}
 AGENTS: Final = (*SETS["published"], *SETS["strong"])
@@ -67,25 +69,51 @@ def summary(entries: Sequence[Entry], agents: Sequence[Entry]) -> Row:
     return table(head(), rows)
 
 
-def accuracy(entries: Sequence[Entry], agents: Sequence[str], forms: Sequence[str]) -> Row:
+def accuracy(entries: Sequence[Entry], observers: Sequence[Entry], agents: Sequence[str], forms: Sequence[str]) -> Row:
     """Return the lines of the table of accuracy of these agents' predictors (a dash: there is none), and a sentence
-    that names what is not above the paper."""
+    that names what is not above the paper. `observers`: the accuracy of an observer who knows both agents."""
     found = cells(entries)
+    known = {(one["layout"], one["agent"]): one for one in observers}
     rows, below = [], []
     for agent in agents:
         rows.append([f"{label(agent)}, the paper", *(f"{value:.2f}" for value in PUBLISHED[kind(agent), "offline"])])
         for form in forms:
             ours = [found.get((layout, agent, form)) for layout in LAYOUTS]
             rows += _rows_of_form(f"{label(agent)}, {form}", ours)
-            papers = zip(head()[1:], ours, PUBLISHED[kind(agent), "offline"], strict=True)
-            below += [
-                f"{label(agent)} ({form}) in {name}"
-                for name, entry, paper in papers
-                if entry and entry["accuracy"]["mean"] <= paper
-            ]
+            below += _not_above(agent, [entry and entry["accuracy"]["mean"] for entry in ours], f" ({form})")
+        rows += _rows_of_observers([known.get((layout, agent)) for layout in LAYOUTS])
         rows += _rows_of_games([_of_any_form(found, layout, agent) for layout in LAYOUTS])
     missed = ["", f"Not above the paper's figure: {', '.join(below)}."] if below else []
+    out_of_reach = [
+        cell
+        for agent in agents
+        for cell in _not_above(agent, [_mean(known.get((layout, agent))) for layout in LAYOUTS])
+    ]
+    if out_of_reach:
+        missed.append(f"With these agents, not even the observer is above it: {', '.join(out_of_reach)}.")
     return [*table(head(), rows), *missed]
+
+
+def _not_above(agent: str, ours: Sequence[float | None], form: str = "") -> list[str]:
+    """Return the cells whose accuracy is not above the paper's."""
+    papers = PUBLISHED[kind(agent), "offline"]
+    return [
+        f"{label(agent)}{form} in {name}"
+        for name, mean, paper in zip(head()[1:], ours, papers, strict=True)
+        if mean is not None and mean <= paper
+    ]
+
+
+def _mean(observer: Entry | None) -> float | None:
+    return None if observer is None else sum(observer["steps"]) / STEPS
+
+
+def _rows_of_observers(observers: Sequence[Entry | None]) -> list[Row]:
+    """Return the rows of the best accuracy that is possible."""
+    return [
+        _row("an observer who knows both agents", observers, lambda one: f"{_mean(one):.1f}"),
+        _row("steps 1 / 2 / 3", observers, lambda one: " / ".join(f"{step:.1f}" for step in one["steps"])),
+    ]
 
 
 def _rows_of_form(name: str, ours: Sequence[Entry | None]) -> list[Row]:

@@ -98,11 +98,21 @@ def test_a_kept_figure_comes_out_again():
 def test_a_cell_without_a_predictor_is_a_dash_and_one_below_the_paper_is_named():
     entry = json.loads(json.dumps(served("coordination_ring", "fcp"))) | {"form": "window"}
     entry["accuracy"]["mean"] = 89.5  # the paper: 89.54
-    lines = accuracy([entry], ("fcp",), ("window",))
+    lines = accuracy([entry], [], ("fcp",), ("window",))
     assert "| **`fcp`, window** | **89.50** | – | – | – | – |" in lines
     assert lines[-1] == "Not above the paper's figure: `fcp` (window) in Coordination Ring."
     entry["accuracy"]["mean"] = 89.55
-    assert accuracy([entry], ("fcp",), ("window",))[-1].startswith("| baselines")
+    assert accuracy([entry], [], ("fcp",), ("window",))[-1].startswith("| baselines")
+
+
+def test_a_cell_that_no_predictor_could_bring_above_the_paper_is_named():
+    entry = json.loads(json.dumps(served("coordination_ring", "fcp"))) | {"form": "window"}
+    observer = {"layout": "coordination_ring", "agent": "fcp", "steps": [95.0, 90.0, 83.6]}  # 89.53
+    lines = accuracy([entry], [observer], ("fcp",), ("window",))
+    assert "| an observer who knows both agents | 89.5 | – | – | – | – |" in lines
+    assert lines[-1] == "With these agents, not even the observer is above it: `fcp` in Coordination Ring."
+    observer["steps"][0] = 95.1
+    assert "not even" not in accuracy([entry], [observer], ("fcp",), ("window",))[-1]
 
 
 def test_points_that_were_not_measured_are_a_dash():
