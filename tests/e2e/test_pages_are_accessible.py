@@ -102,6 +102,7 @@ def test_axe_finds_nothing_on_the_pages_of_an_early_end(person: BrowserPerson) -
     page.get_by_role("heading", name="Welcome back").wait_for()
     look("welcome-back")
     page.click("main .btn")
+    page.wait_for_url("**/now")
     first, second = site.everybody("hired")
     keys = [step.key for step in site.studies.steps_of(first)]
     site.database.write_now(participants.advance, first.id, 0, keys.index("goodbye"))
