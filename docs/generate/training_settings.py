@@ -24,7 +24,8 @@ PRESET: Final = """
 `[ROLE]` changes a role in every kitchen, `[layout.NAME.ROLE]` in one kitchen, and `[population_sp_1]` one run. The
 roles are `population_sp`, `target_sp`, `population_fcp`, `target_fcp` and `features` (the agent with the pretrained
 encoder). `auxiliary_partners` in `[layout.NAME]` is the number of further SP agents (and half as many FCP agents) that
-only predictors train with. `[predictor]` changes all predictors, `[predictor.window]` one form.
+only predictors train with. With `stream_extras = true` there, the stream form alone trains with partners that the paper
+does not have. `[predictor]` changes all predictors, `[predictor.window]` one form.
 `like = "coordination_ring"` in `[layout.NAME]` gives a kitchen all tables of another one; its own come on top.
 """
 PARTS: Final[tuple[tuple[type[TrainingSettings], str, str], ...]] = (

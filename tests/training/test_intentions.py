@@ -243,7 +243,7 @@ def test_an_episode_that_the_games_do_not_finish_is_not_measured(with_decoder):
 
 
 def test_the_pipeline_adds_a_decoder_after_each_predictor(without, games, tmp_path):
-    tasks = {task.name: task for task in predictor_tasks(RING, (), "", {}, extras=False, publish=False)}
+    tasks = {task.name: task for task in predictor_tasks(RING, (), "", {}, extras=(), publish=False)}
     task = tasks["intentions_sp_stream"]
     assert task.inputs == ("games_sp", "predictor_sp_stream")
     (tmp_path / "games").symlink_to(games)

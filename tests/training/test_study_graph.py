@@ -156,6 +156,10 @@ def _preset(folder: Path, text: str) -> str:
             "[layout.matrix] auxiliary_partners is -4. Write a whole number of at least 0.",
         ),
         (
+            "population = 1\ntargets = 1\n[layout.matrix]\nstream_extras = 1",
+            "[layout.matrix] stream_extras is 1. Write true or false.",
+        ),
+        (
             "population = 1\ntargets = 1\n[layout.random0]\nauxiliary_partners = 1",
             "[layout.random0]: random0 is called forced_coordination here. Write [layout.forced_coordination].",
         ),
@@ -269,7 +273,24 @@ def test_the_best_of_the_runs_that_learned_too_little_is_kept(tmp_path: Path, mo
 
 def test_the_published_recipe_uses_the_31_partners_of_the_paper(tmp_path: Path) -> None:
     for name, wanted in (("published", False), ("cpu", None)):
-        tasks = prediction_tasks("coordination_ring", load_preset(name))
-        (games,) = (task for task in tasks if task.name == "games_sp")
+        tasks = prediction_tasks("double_rings", load_preset(name))
+        (games,) = (task for task in tasks if task.name.startswith("games_sp"))
         assert games.settings.get("extras") is wanted
-        assert ("clones" in games.inputs) is (name == "cpu")
+
+
+def test_the_stream_form_alone_may_learn_with_other_partners_than_the_papers() -> None:
+    tasks = {task.name: task for task in prediction_tasks("coordination_ring", load_preset("published"))}
+    papers, more = tasks["games_fcp"], tasks["games_fcp_extras"]
+    assert papers.settings.get("extras") is False
+    assert "clones" not in papers.inputs
+    assert "extras" not in more.settings
+    assert "clones" in more.inputs
+    assert set(papers.inputs) < set(more.inputs)
+    for form, games in (("window", "games_fcp"), ("stream", "games_fcp_extras")):
+        assert tasks[f"predictor_fcp_{form}"].inputs[0] == tasks[f"intentions_fcp_{form}"].inputs[0] == games
+    assert not any(name.endswith("_extras") for name in _names("coordination_ring", "cpu"))
+    assert not any(name.endswith("_extras") for name in _names("matrix", "published"))
+
+
+def _names(layout: str, preset: str) -> list[str]:
+    return [task.name for task in prediction_tasks(layout, load_preset(preset))]

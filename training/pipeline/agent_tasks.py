@@ -94,7 +94,8 @@ def prediction_tasks(layout: str, preset: Preset) -> list[Task]:
     auxiliary = auxiliary_tasks(layout, preset)
     partners = (*population, *(task.name for task in auxiliary))
     settings = preset.predictor_settings(layout)
-    predictors = predictor_tasks(load_layout(layout), partners, encoder, settings, preset.extras, preset.publish)
+    extras = preset.forms_with_extras(layout)
+    predictors = predictor_tasks(load_layout(layout), partners, encoder, settings, extras, preset.publish)
     return [*auxiliary, *predictors]
 
 

@@ -4,7 +4,7 @@ In kitchens with recorded human games, predictors also train with behaviour-clon
 """
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -34,35 +34,52 @@ def predictor_tasks(
     partners: Sequence[str],
     encoder: str,
     settings: Mapping[str, Any],
-    extras: bool = True,
+    extras: Collection[str] = FORMS,
     publish: bool = True,
 ) -> list[Task]:
     """Return the games and predictors for both targets of a kitchen, inputs first. `partners` (the population, and
     auxiliary partners that are only trained with) and `encoder` are names of tasks that leave checkpoints; `settings`
-    change the configs for all forms, or in a table for one. Without `extras` the games are those with the paper's 31
-    partners; with `publish` the predictors also replace those in models/weights."""
+    change the configs for all forms, or in a table for one. The forms in `extras` also learn from games with partners
+    that the paper does not have, the others from those with its 31 partners; with `publish` the predictors also replace
+    those in models/weights."""
     tasks = []
+    clones: tuple[str, ...] = ()
     if extras and layout.name in RECORDED:
         found = companions(RECORDED[layout.name]).items()
-        clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in found}
-        tasks.append(Task(layout.name, CLONES, partial(_train_human_bc, layout), clones, (), 2.0))
-        partners = (*partners, CLONES)
+        imitating = {name: [asdict(config), asdict(mode)] for name, (config, mode) in found}
+        tasks.append(Task(layout.name, CLONES, partial(_train_human_bc, layout), imitating, (), 2.0))
+        clones = (CLONES,)
     for agent in KINDS:
-        chosen, games = f"choose_{agent}", f"games_{agent}"
-        inputs: tuple[str, ...] = (chosen, *partners)
-        plan = asdict(CollectionPlan()) if extras else {**asdict(CollectionPlan()), "extras": False}
-        tasks.append(Task(layout.name, games, partial(_collect, layout, agent, extras), plan, inputs))
+        for more in sorted({form in extras for form in FORMS}):
+            plan = asdict(CollectionPlan()) if more else {**asdict(CollectionPlan()), "extras": False}
+            inputs = (f"choose_{agent}", *partners, *(clones if more else ()))
+            collecting = partial(_collect, layout, agent, more)
+            tasks.append(Task(layout.name, _games(agent, more, extras), collecting, plan, inputs))
         for form in FORMS:
-            configs = _configs(form, settings)
-            facts = {"network": asdict(configs[0]), "training": configs[1].stored()}
-            inputs = (games, chosen, encoder) if configs[0].eyes == "cnn" else (games, chosen)
-            action = partial(_train, layout, agent, configs, publish)
-            tasks.append(Task(layout.name, f"predictor_{agent}_{form}", action, facts, inputs, 10.0))
-            say = partial(_add_intentions, layout, agent, form, publish)
-            settings_of_intentions = IntentionSettings().stored()
-            trained = (games, f"predictor_{agent}_{form}")
-            tasks.append(Task(layout.name, f"intentions_{agent}_{form}", say, settings_of_intentions, trained, 3.0))
+            games = _games(agent, form in extras, extras)
+            tasks += _form_tasks(layout, agent, _configs(form, settings), (games, encoder), publish)
     return tasks
+
+
+def _form_tasks(
+    layout: Layout, agent: str, configs: Configs, inputs: tuple[str, str], publish: bool
+) -> tuple[Task, Task]:
+    """Return a predictor and its decoder of intentions. `inputs`: the tasks of its games and of the encoder."""
+    (games, encoder), form = inputs, configs[0].form
+    facts = {"network": asdict(configs[0]), "training": configs[1].stored()}
+    needed = (games, f"choose_{agent}", encoder) if configs[0].eyes == "cnn" else (games, f"choose_{agent}")
+    name = f"predictor_{agent}_{form}"
+    training = partial(_train, layout, agent, configs, publish)
+    adding = partial(_add_intentions, layout, agent, form, publish)
+    return (
+        Task(layout.name, name, training, facts, needed, 10.0),
+        Task(layout.name, f"intentions_{agent}_{form}", adding, IntentionSettings().stored(), (games, name), 3.0),
+    )
+
+
+def _games(agent: str, more: bool, extras: Collection[str]) -> str:
+    """Return the name of the task that collects an agent's games; `more`: with extra partners."""
+    return f"games_{agent}_extras" if more and set(extras) != set(FORMS) else f"games_{agent}"
 
 
 def _configs(form: str, settings: Mapping[str, Any]) -> Configs:
@@ -90,13 +107,19 @@ def _collect(layout: Layout, agent: str, extras: bool, work: Work) -> None:
     collect(work.folder / "games", layout, target, partners, CollectionPlan(), work.report)
 
 
+def _games_of(work: Work) -> Path:
+    """Return where the games are that a predictor learns from."""
+    ((_, folder),) = _inputs(work, "games_")
+    return folder / "games"
+
+
 def _inputs(work: Work, prefix: str) -> list[tuple[str, Path]]:
     return [(name, folder) for name, folder in work.inputs.items() if name.startswith(prefix)]
 
 
 def _train(layout: Layout, agent: str, configs: Configs, publish: bool, work: Work) -> None:
     """Train a predictor and write it to <folder>/predictor and, if wanted, among the bundled weights."""
-    games = work.inputs[f"games_{agent}"] / "games"
+    games = _games_of(work)
     encoder: Path | None = next((folder / "100" for _, folder in _inputs(work, ENCODER)), None)
     network, training = configs
     trainer = prepared(layout, network, training, games, encoder)
@@ -117,7 +140,7 @@ def _add_intentions(layout: Layout, agent: str, form: str, publish: bool, work: 
     trained = work.inputs[f"predictor_{agent}_{form}"] / "predictor"
     settings = IntentionSettings.checked(work.task.settings, work.task.label)
     out = work.folder / "predictor"
-    add_intentions(trained, work.inputs[f"games_{agent}"] / "games", settings, out, work.report)
+    add_intentions(trained, _games_of(work), settings, out, work.report)
     if publish:
         shutil.copytree(out, _bundled(layout, agent, form), dirs_exist_ok=True)
 

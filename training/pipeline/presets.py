@@ -27,6 +27,7 @@ FIRST_SEEDS = {
 }  # fmt: skip
 _RUN = re.compile(rf"({'|'.join((*ROLES, *AUXILIARY_ROLES))})_\d+")
 _AUXILIARY_KEYS = ("auxiliary_partners", "crowd")  # the second is the former name
+_STREAM_EXTRAS = "stream_extras"
 _LIKE = "like"
 
 
@@ -56,6 +57,13 @@ class Preset(StudyScale):
         """Return how many SP agents, and half as many FCP agents, are partners in training predictors only."""
         found = [table[key] for _, table in self._tables_of(layout) for key in _AUXILIARY_KEYS if key in table]
         return int(found[-1]) if found else 0
+
+    def forms_with_extras(self, layout: str) -> tuple[str, ...]:
+        """Return the forms whose predictors also train with partners that the paper does not have."""
+        if self.extras:
+            return ("stream", "window")
+        wanted = [table[_STREAM_EXTRAS] for _, table in self._tables_of(layout) if _STREAM_EXTRAS in table]
+        return ("stream",) if wanted and wanted[-1] else ()
 
     def config(self, layout: str, role: str, run: str = "") -> AgentConfig:
         """Return the training config of a role in a kitchen, and of one of its runs. Auxiliary partners learn as the
@@ -112,7 +120,9 @@ def _check_layout(layout: str, table: Any, path: Path) -> None:
     for key in _AUXILIARY_KEYS:
         if type(table.get(key, 0)) is not int or table.get(key, 0) < 0:
             raise ConfigError(f"{place} {key} is {table[key]!r}. Write a whole number of at least 0.")
-    names = [key for key in table if key not in (*_AUXILIARY_KEYS, _LIKE)]
+    if type(table.get(_STREAM_EXTRAS, False)) is not bool:
+        raise ConfigError(f"{place} {_STREAM_EXTRAS} is {table[_STREAM_EXTRAS]!r}. Write true or false.")
+    names = [key for key in table if key not in (*_AUXILIARY_KEYS, _STREAM_EXTRAS, _LIKE)]
     _check_tables({key: table[key] for key in names}, f"layout.{layout}.", ("predictor",), path)
 
 
