@@ -11,3 +11,13 @@ export function showStatus(now, rtt, { flag, since_s: since, rtt_ms: ms, level }
   now.className = ['', 'flag warn', 'flag bad'][level];
   rtt.textContent = ms === null ? '–' : `${ms} ms`;
 }
+
+/**
+ * Show which researcher pauses the game; null: none.
+ * @param {HTMLElement} badge
+ * @param {string | null} by
+ */
+export function showPauser(badge, by) {
+  badge.hidden = by === null;
+  badge.textContent = `Paused by ${by}`;
+}

@@ -13,7 +13,7 @@ import { find, findAll } from '../browser/dom.js';
 import { catalogue, jsonBlock } from '../browser/texts.js';
 import { frameOf, showAccuracy, showInputs, showIntentions, showPrediction, showVerification } from './details.js';
 import { onKeys } from './keys.js';
-import { showStatus } from './live-status.js';
+import { showPauser, showStatus } from './live-status.js';
 import { Player } from './player.js';
 import { TimeLine } from './timeline.js';
 import { VideoExport, canRecordVideo, noVideoWords } from './video.js';
@@ -176,6 +176,7 @@ function listenToGame() {
     message: (/** @type {Researcher.Replay} */ message) => {
       if (message.type === 'tick') grow(message.row, message.inputs ?? []);
       if (message.type === 'status') showStatus(place('now'), place('rtt'), message);
+      if (message.type === 'paused') showPauser(place('paused-badge'), message.by);
       if (message.type === 'over') over();
     },
   });
@@ -186,6 +187,7 @@ function over() {
   place('live-badge').textContent = 'Over';
   place('live-badge').className = 'badge plain';
   place('to-live').hidden = true;
+  showPauser(place('paused-badge'), null);
   place('now').textContent = 'over';
   setTimeout(async () => {
     await load();
