@@ -52,8 +52,8 @@ async def _make(folder: Path, study: str, database: str) -> Path:
     except subprocess.TimeoutExpired:
         process.kill()
         await asyncio.to_thread(process.communicate)
-        words = f"the export took more than {TIMEOUT_S / 60:.0f} minutes and was stopped, as games come first"
-        raise HTTPException(503, f"{words}. Try again when fewer people play, or use `kitchenmind export`") from None
+        reason = f"the export took more than {TIMEOUT_S / 60:.0f} minutes and was stopped, as games come first"
+        raise HTTPException(503, f"{reason}. Try again when fewer people play, or use `kitchenmind export`") from None
     finally:
         if process.poll() is None:
             process.kill()

@@ -24,6 +24,8 @@ OUTCOMES = {
     "ended": "The game is ended.",
     "sent": "The message is sent.",
     "extended": "The participant has more time now.",
+    "extended_silent": "The participant has more time now. The place is not held, though, until they send the first "
+    "page after consent: another participant can take it.",
     "excluded": "The data are excluded.",
     "restored": "The exclusion is undone.",
     "released": "The place is free again.",

@@ -217,7 +217,9 @@ def test_only_who_still_takes_part_gets_more_time(site: PageSite) -> None:
     researcher, other = signed_in(site, "act"), signed_in(site, "act")
     page = f"/admin/s/small/person/{person.id}"
     researcher.get(page), other.get(page)
-    assert "more time now" in other.post(f"{page}/extend", note="a call", next=page).text
+    assert "The place is not held, though" in other.post(f"{page}/extend", note="a call", next=page).text
+    site.database.write_now(participants.advance, person.id, 0, 1)
+    assert "more time now.</p>" in other.post(f"{page}/extend", note="a call", next=page).text
     researcher.post(f"{page}/release", note="they went home", next=page)
     assert "already ended" in other.post(f"{page}/extend", note="a call", next=page).text
 
