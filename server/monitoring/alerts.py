@@ -70,12 +70,13 @@ class Alerts:
         self._peers = self._late(others) + [alert for process in others for alert in process.alerts]
         # one process sends alerts that all of them see
         leads = all(self._live.peers.name < other.name for other in others)
-        self._hand_over(leads, [*self._peers, *before])
+        taken_over = self._taken_over(leads, [*self._peers, *before])
         found = {
             alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
         }
         if _UNREADABLE in found:  # what the database would say of studies is not known: it is not over either
             found = {key: alert for key, alert in self.open.items() if alert.study} | found
+        found = taken_over | found  # a process that has just started has not looked at everything yet
         now = datetime.now(UTC)
         for key in self.open.keys() - found.keys():
             self._tell(self.open.pop(key), True)
@@ -85,14 +86,15 @@ class Alerts:
             if known is None:
                 self._tell(self.open[key], False)
 
-    def _hand_over(self, leads: bool, of_others: list[Alert]) -> None:
+    def _taken_over(self, leads: bool, of_others: list[Alert]) -> dict[str, Alert]:
         """Where another process leads from now on, it keeps the alerts that the leader has sent: they are neither over
-        nor new. `of_others`: also of a process that has just ended."""
-        if leads and not self._leads:
-            self.open = {alert.key: alert for alert in of_others if alert.by_leader} | self.open
-        elif not leads:
+        nor new. Return those that this process takes over now. `of_others`: also of a process that has just ended."""
+        taken = {alert.key: alert for alert in of_others if alert.by_leader} if leads and not self._leads else {}
+        if not leads:
             self.open = {key: alert for key, alert in self.open.items() if not alert.by_leader}
+        self.open = taken | self.open
         self._leads = leads
+        return taken
 
     def shared(self) -> tuple[Alert, ...]:
         """Return the alerts for the dashboards of other processes, without lateness (in the figures) and games (on

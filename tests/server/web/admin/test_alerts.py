@@ -165,6 +165,22 @@ def test_an_alert_neither_ends_nor_begins_where_another_process_leads_from_now_o
     assert told[1:] == [("b", f"trouble {person}", True)]
 
 
+def test_a_leader_that_has_just_started_has_not_seen_that_an_alert_is_over(site: PageSite, tmp_path: Path) -> None:
+    """It looks at the study files some seconds later."""
+    told: list[tuple[str, bool]] = []
+    live = copy.copy(site.services.live)
+    live.peers = peers = ProcessAndOthers("a")
+    other = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
+    other.open = {"version small 1": Alert("version small 1", "The file has changed.", study="small", by_leader=True)}
+    peers.others = [("b", other)]
+    alerts = Alerts(live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    asyncio.run(alerts.look())
+    assert (list(alerts.open), told) == (["version small 1"], [])
+    other.open = {}
+    asyncio.run(alerts.look())
+    assert told == [("version small 1", True)]
+
+
 def test_an_alert_carries_a_text_for_a_chat_and_parts_for_a_program() -> None:
     alert = Alert("game 7", "ring: P-001 is away.", "/admin/s/ring/game/7", "ring")
     message = message_of(alert, over=False, public_url="https://lab.example/")
