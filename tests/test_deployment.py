@@ -10,7 +10,9 @@ from urllib.parse import urlsplit
 import pytest
 import yaml
 
+from server.monitoring.opened_games import MAX_BYTES
 from server.settings import Settings
+from server.web.admin.draft_pages import MAX_DRAFT_BYTES
 
 ROOT = Path(__file__).parent.parent
 SECRETS = {"POSTGRES_PASSWORD": "a", "KITCHENMIND_SECRET": "b", "KITCHENMIND_PUBLIC_URL": "https://lab.example.org"}
@@ -126,3 +128,14 @@ def test_no_service_is_open_to_other_machines_and_all_are_watched() -> None:
 def test_image_leaves_data_and_secrets_of_the_checkout_behind() -> None:
     ignored = (ROOT / ".dockerignore").read_text().split()
     assert {".git", ".venv", ".env", "var", "runs"} <= set(ignored)
+
+
+def test_nginx_of_the_guide_accepts_what_the_server_accepts() -> None:
+    """Its default is 1 MB: recorded games and long drafts would be refused before the server sees them."""
+    guide = (ROOT / "docs" / "guides" / "run_on_a_server.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^location [^{]*\{(.*?)^\}", guide, re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        found = re.search(r"client_max_body_size (\d+)m;", block)
+        assert found is not None, block
+        assert int(found.group(1)) * 1024**2 >= max(MAX_BYTES, MAX_DRAFT_BYTES)

@@ -51,6 +51,7 @@ class Alerts:
     ) -> None:
         self.open: dict[str, Alert] = {}
         self._peers: list[Alert] = []  # of other processes, which send their own alerts
+        self._leads = False
         self._live, self._file, self._tell, self._versions = live, database_file, tell, versions
 
     async def run(self) -> None:
@@ -65,14 +66,17 @@ class Alerts:
     async def look(self) -> None:
         """Send the alerts that have begun or ended since the last check."""
         others = await self._live.peers.processes()
+        before = self._peers
         self._peers = self._late(others) + [alert for process in others for alert in process.alerts]
         # one process sends alerts that all of them see
         leads = all(self._live.peers.name < other.name for other in others)
+        taken_over = self._taken_over(leads, [*self._peers, *before])
         found = {
             alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
         }
         if _UNREADABLE in found:  # what the database would say of studies is not known: it is not over either
             found = {key: alert for key, alert in self.open.items() if alert.study} | found
+        found = taken_over | found  # a process that has just started has not looked at everything yet
         now = datetime.now(UTC)
         for key in self.open.keys() - found.keys():
             self._tell(self.open.pop(key), True)
@@ -81,6 +85,16 @@ class Alerts:
             self.open[key] = replace(alert, since=now if known is None else known.since)  # with the newest figures
             if known is None:
                 self._tell(self.open[key], False)
+
+    def _taken_over(self, leads: bool, of_others: list[Alert]) -> dict[str, Alert]:
+        """Where another process leads from now on, it keeps the alerts that the leader has sent: they are neither over
+        nor new. Return those that this process takes over now. `of_others`: also of a process that has just ended."""
+        taken = {alert.key: alert for alert in of_others if alert.by_leader} if leads and not self._leads else {}
+        if not leads:
+            self.open = {key: alert for key, alert in self.open.items() if not alert.by_leader}
+        self.open = taken | self.open
+        self._leads = leads
+        return taken
 
     def shared(self) -> tuple[Alert, ...]:
         """Return the alerts for the dashboards of other processes, without lateness (in the figures) and games (on
@@ -121,11 +135,12 @@ class Alerts:
         if any(DATABASE in game.session.pause_reasons for game in self._live.games):
             yield Alert("database", "The database does not store data: games are paused until it does.")
         if leads and self._file is not None and not self._file.exists():
-            yield Alert("file", f"The database {self._file} was moved or deleted: nothing is stored until it is back.")
+            text = f"The database {self._file} was moved or deleted: nothing is stored until it is back."
+            yield Alert("file", text, by_leader=True)
         elif leads and self._file is not None:
             free_gb = shutil.disk_usage(self._file.parent).free / 1e9
             if free_gb < DISK_GB:
-                yield Alert("disk", f"The disk is nearly full: {free_gb:.1f} GB are free.")
+                yield Alert("disk", f"The disk is nearly full: {free_gb:.1f} GB are free.", by_leader=True)
 
     def _changed(self, leads: bool) -> Iterator[Alert]:
         """Yield study files that differ from the version served."""
@@ -133,7 +148,7 @@ class Alerts:
             return
         for name, changed in list(self._versions.changed.items()):
             text = f"{changed.text} {remedy(self._versions, name)}"
-            yield Alert(f"version {name} {changed.sha256[:12]}", text, f"/admin/s/{name}", name)
+            yield Alert(f"version {name} {changed.sha256[:12]}", text, f"/admin/s/{name}", name, by_leader=True)
 
     async def _games(self, leads: bool) -> list[Alert]:
         """Yield alerts about people who are away and errors in their browsers; none while the database cannot be
@@ -153,7 +168,8 @@ class Alerts:
                         found.append(Alert(f"game {card.played.id}", text, path, name))
                 found += await self._client_errors(name, versions) if leads else []
                 found_signs = await invented_participants.signs(self._live.web, name, versions, leads)
-                found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in found_signs.items()]
+                path = f"/admin/s/{name}"
+                found += [Alert(key, text, path, name, by_leader=True) for key, text in found_signs.items()]
             found += await self._broken()
         except DatabaseDown:
             found.append(Alert(_UNREADABLE, "The database cannot be reached."))
@@ -187,6 +203,7 @@ class Alerts:
                 f"{name}: the browser of {who} reports errors.",
                 f"/admin/s/{name}",
                 name,
+                by_leader=True,
             )
             for person, who in people.items()
         ]

@@ -37,6 +37,7 @@ class Alert:
     path: str = "/admin"
     study: str = ""  # empty: the whole server
     since: datetime | None = None  # when it was first seen
+    by_leader: bool = False  # every process could see it, and only one sends it
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ acknowledged.
 import asyncio
 import queue
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 _Outcome = tuple[Any, Exception | None]
 MAX_GROUP = 256
+MAX_GROUP_S = 1.0  # several processes take turns, and one that waits for 4 s gives up (SERVER_LOCK_TIMEOUT_S)
 
 
 @dataclass
@@ -130,14 +132,15 @@ class Database:
                 stop = waiting is None
                 if waiting is not None:
                     group.append(waiting)
-            self._commit([job for job in group if job.future.set_running_or_notify_cancel()])
+            group = [job for job in group if job.future.set_running_or_notify_cancel()]
+            while group:
+                group = group[self._commit(group) :]
             if stop:
                 return
 
-    def _commit(self, group: list[_Job]) -> None:
-        """Run the group in one transaction, then tell everybody in it."""
-        if not group:
-            return
+    def _commit(self, group: list[_Job]) -> int:
+        """Run the group in one transaction, then tell everybody in it. Of a group that takes long, only the first ones:
+        return how many."""
         try:
             try:
                 outcomes = self._run(group, apart=False)
@@ -148,26 +151,35 @@ class Database:
         except Exception as error:  # noqa: BLE001 - whatever it was, everybody in the group must hear of it
             reason = engines.translated(error)
             outcomes = [(None, reason)] * len(group)
-        for job, (result, refusal) in zip(group, outcomes, strict=True):
+        for job, (result, refusal) in zip(group, outcomes, strict=False):
             if refusal is None:
                 job.future.set_result(result)
             else:
                 job.future.set_exception(refusal)
+        return len(outcomes)
 
     def _run(self, group: list[_Job], apart: bool) -> list[_Outcome]:
-        """Return the group's outcomes, committed. `apart`: each function in a savepoint, as one of them is known to
-        fail."""
+        """Return the outcomes of the group's first functions, committed: of those that began within MAX_GROUP_S.
+        `apart`: each function in a savepoint, as one of them is known to fail."""
+        outcomes: list[_Outcome] = []
         with self._writer.transaction() as connection:
-            if apart:
-                return [_apart(connection, job) for job in group]
-            return [(job.function(connection, *job.arguments, **job.keywords), None) for job in group]
+            began = time.monotonic()
+            for job in group:
+                if outcomes and time.monotonic() - began > MAX_GROUP_S:
+                    break
+                outcomes.append(_apart(connection, job) if apart else (_result(connection, job), None))
+        return outcomes
+
+
+def _result(connection: Connection, job: _Job) -> Any:
+    return job.function(connection, *job.arguments, **job.keywords)
 
 
 def _apart(connection: Connection, job: _Job) -> _Outcome:
     """Run one function of a group: its error goes to its caller, and the others continue."""
     try:
         with connection.begin_nested():
-            return job.function(connection, *job.arguments, **job.keywords), None
+            return _result(connection, job), None
     except Exception as error:
         if engines.is_down(error):
             raise

@@ -76,6 +76,11 @@ def paused_games(connection: Connection, *ids: str) -> set[str]:
     return set(connection.execute(query).scalars())
 
 
+def pauser_of(connection: Connection, episode: str) -> str | None:
+    """Return who pauses an episode by itself; None: nobody."""
+    return connection.execute(select(episodes.c.paused_by).where(episodes.c.id == episode)).scalar_one_or_none()
+
+
 def pause_study(connection: Connection, study: str, by: str) -> bool:
     """Pause the study. Return false if it was paused already."""
     if study in paused_studies(connection):

@@ -1,12 +1,17 @@
 """Check that the recruitment of a study file fits the study, and that all people get a code and a way back. Pure:
 yields problems."""
 
+import re._parser as _parser  # type: ignore[import-not-found]
 from collections.abc import Iterator
+from typing import Final
 
 from server.study.checks import Path, Problem
 from server.study.definition import Study
 from server.study.quick_fixes import write
 from server.study.steps import has_rounds_for_two
+
+MAX_REPEATS: Final = 20  # of a part of an id that are harmless within another repetition
+_REPEATS: Final = (_parser.MAX_REPEAT, _parser.MIN_REPEAT)
 
 
 def recruitment_problems(study: Study) -> Iterator[Problem]:
@@ -18,6 +23,10 @@ def recruitment_problems(study: Study) -> Iterator[Problem]:
         yield Problem(("recruitment", "required"), reason, "Set `required: true`.", warning=True, fix=fix)
     if recruitment.required and recruitment.person_parameter is None:
         yield Problem(("recruitment", "required"), "no parameter has the person's id", "Set `person:` or a `source`.")
+    if can_be_slow(recruitment.person_pattern or ""):
+        reason = "a repetition within a repetition, such as (a+)+, can stop the server for hours at one wrong id"
+        remedy = "Repeat only one of the two, or say how often: [a-z]{1,20}."
+        yield Problem(("recruitment", "person_pattern"), reason, remedy, warning=True)
     known = {"code", "person", *recruitment.extra_parameters}
     for name in ("completed", "screened_out", "unpaired", "declined"):
         outcome = getattr(recruitment, name)
@@ -42,6 +51,23 @@ def recruitment_problems(study: Study) -> Iterator[Problem]:
         remedy = "Add `code:` as shown by Prolific."
         yield Problem(("recruitment", "unpaired"), reason, remedy, warning=True)
     yield from _odd_quotas(study)
+
+
+def can_be_slow(pattern: str) -> bool:
+    """Return whether a regular expression repeats something that is itself repeated. The time for an id that does not
+    fit can then double with each of its letters, and Python's `re` cannot be interrupted."""
+    return _repeats(_parser.parse(pattern), within=False)
+
+
+def _repeats(parts: object, within: bool) -> bool:
+    """Return whether a part of a parsed expression is repeated. `within`: all of it is repeated already."""
+    if isinstance(parts, tuple) and len(parts) == 2 and parts[0] in _REPEATS:
+        _, highest, inner = parts[1]
+        is_many = highest > MAX_REPEATS
+        return (within and is_many) or _repeats(inner, within or is_many)
+    if isinstance(parts, tuple | list | _parser.SubPattern):
+        return any(_repeats(part, within) for part in parts)
+    return False
 
 
 def _odd_quotas(study: Study) -> Iterator[Problem]:

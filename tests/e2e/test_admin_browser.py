@@ -156,6 +156,32 @@ def with_marks(route: Route) -> None:
     route.fulfill(json=record)
 
 
+# Make the page, before its scripts run, as it was a moment before the participant came back.
+BEFORE_IT_WAS_LIVE = """document.addEventListener('readystatechange', () => {
+  const game = document.querySelector('#game');
+  if (document.readyState !== 'interactive' || !game) return;
+  game.dataset.live = 'no';
+  document.querySelector('#live-badge').textContent = 'running';
+  for (const button of document.querySelectorAll('[data-while-live]')) button.hidden = true;
+})"""
+
+
+def test_an_open_page_of_a_game_follows_its_participant_and_colleagues(page: Page, server: LiveServer) -> None:
+    page.locator(".mini").filter(has_text="E1").click()
+    page.wait_for_selector("#game[data-ready=yes]", state="attached")
+    page.add_init_script(BEFORE_IT_WAS_LIVE)
+    page.reload()
+    expect(page.locator("#live-badge")).to_have_text("Live")
+    expect(page.locator("[data-ask=message]")).to_be_visible()
+    expect(page.locator("#paused-badge")).to_be_hidden()
+    database = server.app.state.services.web.database
+    episode = page.url.partition("#")[0].rpartition("/")[2]
+    server.do(lambda: database.write(decisions.pause_game, episode, "ada"))
+    expect(page.locator("#paused-badge")).to_have_text("Paused by ada")
+    server.do(lambda: database.write(decisions.pause_game, episode, None))
+    expect(page.locator("#paused-badge")).to_be_hidden()
+
+
 def test_a_game_is_replayed_and_exported_as_a_film(page: Page, server: LiveServer) -> None:
     page.route("**/record.json", with_marks)
     page.goto(f"{server.url}/admin/s/short/games")

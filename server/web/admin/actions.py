@@ -195,6 +195,8 @@ async def decide(
         outcome = "gone"
     if outcome == "released":
         await _end_games(web, control, person)
+    if outcome == "extended" and await web.database.read(participants.is_silent, person.id):
+        outcome = "extended_silent"
     return back_to(_back(form), outcome)
 
 

@@ -49,6 +49,11 @@ async def _make(folder: Path, study: str, database: str) -> Path:
     process = await asyncio.to_thread(start)
     try:
         output, _ = await asyncio.to_thread(process.communicate, timeout=TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        await asyncio.to_thread(process.communicate)
+        reason = f"the export took more than {TIMEOUT_S / 60:.0f} minutes and was stopped, as games come first"
+        raise HTTPException(503, f"{reason}. Try again when fewer people play, or use `kitchenmind export`") from None
     finally:
         if process.poll() is None:
             process.kill()

@@ -24,6 +24,8 @@ OUTCOMES = {
     "ended": "The game is ended.",
     "sent": "The message is sent.",
     "extended": "The participant has more time now.",
+    "extended_silent": "The participant has more time now. The place is not held, though, until they send the first "
+    "page after consent: another participant can take it.",
     "excluded": "The data are excluded.",
     "restored": "The exclusion is undone.",
     "released": "The place is free again.",
@@ -33,6 +35,7 @@ OUTCOMES = {
     "version_refused": "The new version could not be served. The alerts and the log have the reason.",
     "signed_out": "The account is signed out everywhere.",
     "removed": "The account is removed.",
+    "account_gone": "No action taken: there is no such account any more.",
     "deleted": "The participant is deleted, which the audit log shows. Only the count of withdrawals is kept.",
     "nobody_found": "There is no participant with this id or code in this study.",
     "kitchen_removed": "The kitchen is removed. Its history is kept.",
@@ -102,7 +105,7 @@ def researchers_error(request: Request, status: int, reason: str) -> HTMLRespons
     """Return what a researcher sees of a request that failed; nobody is known on this page, so it says nothing of a
     study."""
     title = "Page not found" if status == NOT_FOUND else "That did not work"
-    text = "Check the address." if reason == "Not Found" else f"{capitalised(reason)}."
+    text = "Check the address." if reason == "Not Found" else f"{capitalised(reason.rstrip('.'))}."
     return AdminPage(request).render("error.html", status, title=title, text=text)
 
 

@@ -28,6 +28,7 @@ router = APIRouter(prefix="/admin/s/{name}/game/{episode}")
 LOOK_EVERY_S: Final = 0.05
 STATUS_EVERY_S: Final = 0.5
 STORED_EVERY_S: Final = 0.2
+PAUSED_EVERY_S: Final = 2.0
 _FLAG: Final = {"flag": "Not played now", "level": 0, "since_s": None, "rtt_ms": None}
 NOT_PLAYED: Final = {"type": "status", "phase": "paused", **_FLAG}
 
@@ -82,7 +83,7 @@ async def follow(socket: WebSocket, name: str, episode: str, services: ServicesD
 async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str], admin: AdminSession) -> None:
     sent, checked, looked = -1, time.monotonic(), 0.0
     card: Card | View | None = None
-    stored = StoredTicks(live.web.database, which[1])
+    stored, pauser = StoredTicks(live.web.database, which[1]), _Pauser(socket, live, which[1])
     while True:
         now = time.monotonic()
         if now - checked >= SESSION_EVERY_S:
@@ -95,6 +96,7 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             if card is None and await _is_over(live, which[1]):
                 await send_news(socket, {"type": "over"})
                 return await socket.close(CloseCode.FINISHED, "the game is over")
+        await pauser.tell(now)
         if card is None:  # it is in the database alone, or another process is just taking it up
             await send_news(socket, NOT_PLAYED)
             await asyncio.sleep(STATUS_EVERY_S)
@@ -111,6 +113,22 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             new = [input_of(one, session.spec.tick_ms) for one in visible(session.record.inputs, admin.blind)]
             await send_news(socket, {"type": "tick", "row": row, "inputs": new})
         await asyncio.sleep(LOOK_EVERY_S)
+
+
+class _Pauser:
+    """Tells an open page who pauses the game: a colleague may do so, or resume it, on another page."""
+
+    def __init__(self, socket: WebSocket, live: LiveGames, episode: str) -> None:
+        self._socket, self._live, self._episode = socket, live, episode
+        self._looked_at = time.monotonic()  # the page shows it when it is loaded
+
+    async def tell(self, now: float) -> None:
+        if now - self._looked_at < PAUSED_EVERY_S:
+            return
+        self._looked_at = now
+        with suppress(DatabaseDown):
+            by = await self._live.web.database.read(decisions.pauser_of, self._episode)
+            await send_news(self._socket, {"type": "paused", "by": by})
 
 
 async def _is_over(live: LiveGames, episode: str) -> bool:

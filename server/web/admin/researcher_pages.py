@@ -143,12 +143,16 @@ async def change_account(account: str, action: str, admin: OwnDep, web: WebDep, 
             400, "Unknown action, or you tried to remove your own account. Another owner can remove it."
         )
 
-    def change(connection: Connection) -> None:
+    def change(connection: Connection) -> bool:
+        """False: somebody else has removed the account."""
+        if admins.password_hash_of(connection, account) is None:
+            return False
         (admins.close_all if action == "signed_out" else admins.remove)(connection, account)
         audit.add(connection, admin.name, f"account {action}", {"name": account})
+        return True
 
-    await asyncio.shield(web.database.write(change))
-    return back_to("/admin/accounts", action)
+    done = await asyncio.shield(web.database.write(change))
+    return back_to("/admin/accounts", action if done else "account_gone")
 
 
 @router.get("/s/{name}")

@@ -160,11 +160,11 @@ export class DraftSaving {
    */
   failed(status, body) {
     const words =
-      status === 401 || status === 403
+      status === 401
         ? 'Not saved: you are signed out. Sign in in another tab; this page then continues.'
         : status === 0
           ? 'Not saved: no connection. The text is kept in this browser.'
-          : `Not saved: ${body?.detail ?? 'the server failed'}. The text is kept in this browser.`;
+          : `Not saved: ${(body?.detail ?? 'the server failed').replace(/\.$/, '')}. The text is kept in this browser.`;
     this.on.state(words, false);
     this.schedule(RETRY_MS);
   }

@@ -180,5 +180,6 @@ declare namespace Researcher {
   type Replay =
     | { type: 'tick'; row: Row; inputs?: Input[] }
     | ({ type: 'status'; phase: string } & Card)
+    | { type: 'paused'; by: string | null }
     | { type: 'over' };
 }

@@ -9,6 +9,11 @@ const place = (id) => find(`#${id}`, HTMLElement);
 const input = find('#file', HTMLInputElement);
 const list = find('#episode', HTMLSelectElement);
 const token = find('#token [name=form_token]', HTMLInputElement).value;
+const TOO_LARGE = 413;
+const PROXY_REFUSED =
+  'The proxy in front of the server refuses a file of this size. Open a smaller file, or set a higher limit there ' +
+  '(nginx: client_max_body_size 32m).';
+const NO_ANSWER = 'The server cannot be reached, or stopped reading. Try again; large files can be split.';
 /** @type {Researcher.EpisodeRecord[]} */
 let records = [];
 
@@ -35,14 +40,16 @@ async function read(file) {
  */
 async function recordsOf(file) {
   const address = `${root}/admin/recordings/records.json?name=${encodeURIComponent(file.name)}`;
+  let status = 0;
   try {
     const headers = { Accept: 'application/json', 'X-Form-Token': token };
     const answer = await fetch(address, { method: 'POST', body: file, headers });
+    status = answer.status;
     const found = await answer.json();
     if (answer.ok) return found;
     say(String(found.detail), true);
   } catch {
-    say('The server cannot be reached, or stopped reading. Try again; large files can be split.', true);
+    say(status === TOO_LARGE ? PROXY_REFUSED : NO_ANSWER, true);
   }
   return null;
 }

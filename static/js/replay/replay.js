@@ -13,9 +13,9 @@ import { find, findAll } from '../browser/dom.js';
 import { catalogue, jsonBlock } from '../browser/texts.js';
 import { frameOf, showAccuracy, showInputs, showIntentions, showPrediction, showVerification } from './details.js';
 import { onKeys } from './keys.js';
-import { showStatus } from './live-status.js';
+import { showLive, showOver, showPauser, showStatus } from './live-status.js';
 import { Player } from './player.js';
-import { TimeLine } from './timeline.js';
+import { TimeLine, timestepInAddress } from './timeline.js';
 import { VideoExport, canRecordVideo, noVideoWords } from './video.js';
 
 const MIN_TICK_MS = 40;
@@ -37,7 +37,8 @@ renderer.outlinesView = true;
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 /** @type {State | null} */
 let state = null;
-let following = live === 'yes' && !location.hash;
+let isLive = live === 'yes';
+let following = isLive && !location.hash;
 
 const player = new Player(show);
 const line = new TimeLine(place('axis'), place('frame'), go);
@@ -176,17 +177,24 @@ function listenToGame() {
     message: (/** @type {Researcher.Replay} */ message) => {
       if (message.type === 'tick') grow(message.row, message.inputs ?? []);
       if (message.type === 'status') showStatus(place('now'), place('rtt'), message);
+      if (message.type === 'status' && message.id && !isLive) begins();
+      if (message.type === 'paused') showPauser(message.by);
       if (message.type === 'over') over();
     },
   });
 }
 
+/** The participant is back: the game was not played when the page was opened. */
+function begins() {
+  isLive = true;
+  following = !location.hash && !player.playing;
+  showLive();
+  showButtons();
+}
+
 function over() {
   following = false;
-  place('live-badge').textContent = 'Over';
-  place('live-badge').className = 'badge plain';
-  place('to-live').hidden = true;
-  place('now').textContent = 'over';
+  showOver();
   setTimeout(async () => {
     await load();
     line.show(record, player.t);
@@ -243,11 +251,6 @@ async function copyLink() {
   }, COPIED_MS);
 }
 
-function timestepInAddress() {
-  const found = /^#t=(\d+)$/.exec(location.hash);
-  return found ? Number(found[1]) : null;
-}
-
 function begin() {
   connectTransport();
   connectDownloads();
@@ -265,7 +268,7 @@ function begin() {
   }).observe(canvas.parentElement ?? canvas);
   requestAnimationFrame(frame);
   if (record.rows.length) player.go(timestepInAddress() ?? (following ? lastTimestep() : 0), lastTimestep());
-  if (live === 'yes') listenToGame();
+  if (live !== 'over') listenToGame();
 }
 
 /**

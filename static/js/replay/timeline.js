@@ -279,3 +279,9 @@ function tableCell({ text, ...flags }, at, t) {
   if (at === t) names.push('now');
   return make('td', { text, className: names.join(' '), 'data-t': at });
 }
+
+/** Return the timestep of an address such as `#t=123`; null if it has none. */
+export function timestepInAddress() {
+  const found = /^#t=(\d+)$/.exec(location.hash);
+  return found ? Number(found[1]) : null;
+}

@@ -1,4 +1,5 @@
 import asyncio
+import math
 import os
 import re
 import stat
@@ -89,7 +90,8 @@ async def test_one_failing_function_of_a_group_undoes_only_itself(database: Data
     assert await database.read(how_many) == 10
 
 
-async def test_functions_that_wait_share_one_commit(database: Database) -> None:
+async def test_functions_that_wait_share_one_commit(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.store.database.MAX_GROUP_S", math.inf)  # a busy machine takes long
     commits: list[int] = []
     event.listen(database._writer._engine, "commit", lambda _: commits.append(1))
     gate = threading.Event()
@@ -100,6 +102,28 @@ async def test_functions_that_wait_share_one_commit(database: Database) -> None:
     gate.set()
     await asyncio.gather(blocker, *waiting)
     assert len(commits) == 2
+
+
+async def test_a_group_that_takes_long_is_several_commits(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that 200 people who consent at once do not keep another server process waiting until it gives up."""
+    monkeypatch.setattr("server.store.database.MAX_GROUP_S", -1.0)
+    commits: list[int] = []
+    event.listen(database._writer._engine, "commit", lambda _: commits.append(1))
+    gate = threading.Event()
+    blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
+    await asyncio.sleep(0.05)
+    waiting = [asyncio.create_task(database.write(studies.register, f"ring_{n}", "text")) for n in range(4)]
+    broken = asyncio.create_task(database.write(fail_after_writing))
+    last = asyncio.create_task(database.write(studies.register, "last", "text"))
+    await asyncio.sleep(0.05)
+    gate.set()
+    with pytest.raises(LookupError):
+        await broken
+    assert await blocker
+    stored = await asyncio.gather(*waiting, last)
+    assert [one.key for one in stored] == ["ring_0", "ring_1", "ring_2", "ring_3", "last"]
+    assert len(commits) == 7
+    assert await database.read(how_many) == 5
 
 
 async def test_failing_function_alone_leaves_nothing_behind(database: Database) -> None:

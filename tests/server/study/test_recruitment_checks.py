@@ -82,3 +82,22 @@ def test_an_odd_quota_of_all_combinations_of_levels_is_pointed_out_once() -> Non
     even = changed(pairs, dict(doubt.fix.operation))
     assert "cells: {quota: 46}" in even
     assert not [one for one in view(even).problems if "partner" in one.text]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "is_slow"),
+    [
+        ("[0-9a-f]{24}", False),
+        ("(?:[A-Z]{3}-)*[0-9]+", False),
+        ("[a-z]+[0-9]+", False),
+        ("(([a-f0-9])+)+x", True),
+        (r"(\w+-?)*", True),
+        ("(a|b+)*", True),
+        ("(?=(x+)+)y", True),
+    ],
+)
+def test_a_pattern_that_could_stop_the_server_is_reported(pattern: str, is_slow: bool) -> None:
+    """A wrong id of 40 letters would take hours, in which no game runs."""
+    recruitment = f"recruitment: {{source: sona, required: true, person_pattern: '{pattern}'}}"
+    file = parse_study(SMALL_STUDY.replace("seed: 11\n", f"seed: 11\n{recruitment}\n"))
+    assert any("a repetition within a repetition" in one for one in file.warnings) is is_slow

@@ -15,6 +15,7 @@ from server.play.recorder import EpisodeResult, InputRecord, PauseRecord
 from server.store import audit, decisions, episodes, inputs, overview, participants
 from server.store.database import DatabaseDown
 from server.store.tables import metadata
+from server.web.admin import downloads
 from tests.support.page_site import PageSite, Visitor
 from tests.support.researcher_site import played, signed_in
 
@@ -216,7 +217,9 @@ def test_only_who_still_takes_part_gets_more_time(site: PageSite) -> None:
     researcher, other = signed_in(site, "act"), signed_in(site, "act")
     page = f"/admin/s/small/person/{person.id}"
     researcher.get(page), other.get(page)
-    assert "more time now" in other.post(f"{page}/extend", note="a call", next=page).text
+    assert "The place is not held, though" in other.post(f"{page}/extend", note="a call", next=page).text
+    site.database.write_now(participants.advance, person.id, 0, 1)
+    assert "more time now.</p>" in other.post(f"{page}/extend", note="a call", next=page).text
     researcher.post(f"{page}/release", note="they went home", next=page)
     assert "already ended" in other.post(f"{page}/extend", note="a call", next=page).text
 
@@ -241,12 +244,35 @@ def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: Page
     assert "export" in [entry.action for entry in site.database.read_now(audit.entries)]
 
 
+def test_an_export_that_takes_too_long_says_so(site: PageSite, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(downloads, "TIMEOUT_S", 0)
+    researcher = signed_in(site, "act")
+    researcher.get("/admin/s/small")
+    researcher.post("/admin/blind", blind="off", next="/admin/s/small")
+    stopped = researcher.post("/admin/s/small/export")
+    assert stopped.status_code == 503
+    assert "was stopped, as games come first. Try again when fewer people play" in stopped.text
+
+
+def test_an_account_that_another_owner_has_removed_is_not_removed_again(site: PageSite) -> None:
+    first, second = signed_in(site, "own"), signed_in(site, "own")
+    first.get("/admin/accounts"), second.get("/admin/accounts")
+    assert "The account is removed." in first.post("/admin/accounts/watch/removed").text
+    assert "there is no such account any more" in second.post("/admin/accounts/watch/removed").text
+    assert "there is no such account any more" in second.post(f"/admin/accounts/{'x' * 5000}/signed_out").text
+    actions = [entry.action for entry in site.database.read_now(audit.entries)]
+    assert actions.count("account removed") == 1
+    assert "account signed_out" not in actions
+
+
 def test_researchers_get_errors_in_their_own_pages(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     missing = researcher.get("/admin/s/nowhere")
     assert (missing.status_code, missing.text.count("There is no study &#39;nowhere&#39; here.")) == (404, 1)
     assert '<link rel="stylesheet" href="/static/css/admin.css">' in missing.text
     assert "Check the address." in researcher.get("/admin/no-such-page").text
+    no_game = researcher.get("/admin/s/small/game/none").text
+    assert "<p>This study has no such game. Open it from the list of games.</p>" in no_game
     assert "admin.css" not in researcher.get("/administer").text
     program = researcher.client.get("/admin/s/nowhere", headers={"accept": "application/json"})
     assert program.json() == {"detail": "there is no study 'nowhere' here"}

@@ -1,8 +1,10 @@
 """Alerts of a running study: their beginning, their text, their end."""
 
 import asyncio
+import copy
 import time
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from server.monitoring.peers import Process, SingleProcess
 from server.play.lateness import LATELY_S, Lateness
 from server.store import events
 from server.store.database import DatabaseDown
+from server.store.tables import events as events_table
 from server.store.tables import participants as participants_table
 from tests.support.page_site import PageSite, Visitor
 
@@ -119,6 +122,63 @@ def test_of_several_processes_one_posts_the_alerts_of_all(site: PageSite, tmp_pa
         alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
         asyncio.run(alerts.look())
         assert list(alerts.open) == told
+
+
+class ProcessAndOthers(SingleProcess):
+    """A process and the others that it sees."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.others: list[tuple[str, Alerts]] = []
+
+    async def processes(self) -> list[Process]:
+        return [Process(name, {}, alerts.shared()) for name, alerts in self.others]
+
+
+def test_an_alert_neither_ends_nor_begins_where_another_process_leads_from_now_on(
+    site: PageSite, tmp_path: Path
+) -> None:
+    Visitor(site).consent("small")
+    person = site.only("small").id
+    site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "x"}))
+    told: list[tuple[str, str, bool]] = []
+    processes: dict[str, tuple[ProcessAndOthers, Alerts]] = {}
+    for name in ("a", "b"):
+        live = copy.copy(site.services.live)
+        live.peers = peers = ProcessAndOthers(name)
+        tell = partial(lambda by, alert, over: told.append((by, alert.key, over)), name)
+        processes[name] = (peers, Alerts(live, tmp_path / "site.db", tell))
+    (first, alerts_of_first), (second, alerts_of_second) = processes.values()
+
+    asyncio.run(alerts_of_second.look())  # alone
+    first.others, second.others = [("b", alerts_of_second)], [("a", alerts_of_first)]
+    for _ in range(2):  # the first one has just started, and leads
+        asyncio.run(alerts_of_first.look())
+        asyncio.run(alerts_of_second.look())
+    assert list(alerts_of_first.open) == [f"trouble {person}"]
+    assert list(alerts_of_second.open) == []
+    second.others = []  # the first one was killed
+    asyncio.run(alerts_of_second.look())
+    assert told == [("b", f"trouble {person}", False)]
+    site.database.write_now(lambda connection: connection.execute(events_table.delete()))
+    asyncio.run(alerts_of_second.look())
+    assert told[1:] == [("b", f"trouble {person}", True)]
+
+
+def test_a_leader_that_has_just_started_has_not_seen_that_an_alert_is_over(site: PageSite, tmp_path: Path) -> None:
+    """It looks at the study files some seconds later."""
+    told: list[tuple[str, bool]] = []
+    live = copy.copy(site.services.live)
+    live.peers = peers = ProcessAndOthers("a")
+    other = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
+    other.open = {"version small 1": Alert("version small 1", "The file has changed.", study="small", by_leader=True)}
+    peers.others = [("b", other)]
+    alerts = Alerts(live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    asyncio.run(alerts.look())
+    assert (list(alerts.open), told) == (["version small 1"], [])
+    other.open = {}
+    asyncio.run(alerts.look())
+    assert told == [("version small 1", True)]
 
 
 def test_an_alert_carries_a_text_for_a_chat_and_parts_for_a_program() -> None:

@@ -36,6 +36,8 @@ def test_a_study_whose_draft_was_renamed_and_opened_can_still_be_closed(site: Pa
     page = opened(researcher, draft, 3)
     assert "The study with its former name is open, too" in page
     assert f"{site.url}/s/pilot" in page
+    assert '<dialog id="ask-close-pilot"' in page, "it asks for confirmation, as Close does"
+    assert 'data-ask="close-pilot"' in page
     assert Visitor(site).get("/s/pilot").status_code == 200
     assert "The study is closed" in researcher.post(f"/admin/drafts/{draft}/close", study="pilot").text
     assert [Visitor(site).get(f"/s/{name}").status_code for name in ("pilot", "main")] == [409, 200]

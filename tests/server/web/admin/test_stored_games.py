@@ -1,17 +1,20 @@
 """What a researcher does about games that no server process plays now: they are in the database alone."""
 
 import asyncio
+import json
 from functools import partial
 from pathlib import Path
 
 import pytest
 from sqlalchemy import update
+from websockets.sync.client import ClientConnection, connect
 
 from server.monitoring.alerts import Alerts
 from server.play.games import Games
 from server.play.recorder import EpisodeResult
 from server.store import audit, decisions, episodes
 from server.store.tables import ticks
+from server.web.admin import replay_page
 from tests.support.live_fakes import QuietConnection
 from tests.support.page_site import PageSite
 from tests.support.researcher_site import played, signed_in
@@ -44,6 +47,21 @@ def test_a_game_that_nobody_plays_now_is_paused_and_resumed_in_the_database(site
     assert "The game continues." in researcher.post(f"{page}/resume", next=page).text
     assert "Paused by act" not in researcher.page.text
     assert site.database.read_now(decisions.paused_games, episode) == set()
+
+
+def test_an_open_page_of_a_game_follows_who_pauses_it(site: PageSite, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replay_page, "PAUSED_EVERY_S", 0.0)
+    episode = played(site)
+    cookie = f"researcher={signed_in(site, 'watch').client.cookies['researcher']}"
+    address = site.url.replace("http", "ws") + f"/admin/s/small/game/{episode}/live"
+
+    def heard(socket: ClientConnection, by: str | None) -> bool:
+        return any(json.loads(socket.recv(20)) == {"type": "paused", "by": by} for _ in range(20))
+
+    with connect(address, additional_headers={"cookie": cookie}) as socket:
+        for by in ("mara", None):
+            site.database.write_now(decisions.pause_game, episode, by)
+            assert heard(socket, by)
 
 
 def test_resuming_a_game_says_that_its_study_is_still_paused(site: PageSite) -> None:
