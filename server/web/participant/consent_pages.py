@@ -18,7 +18,7 @@ from server.study.assignment import StudyFullError
 from server.study.definition import Study
 from server.study.recruitment import Recruitment
 from server.study.steps import step_address
-from server.web.auth import BOT_MARK, is_bot_mark, set_cookie, token_for
+from server.web.auth import BOT_MARK, is_bot_mark, set_cookie, token_for, token_of
 from server.web.client_address import address_of
 from server.web.dependencies import ConsentFormDep, KnownStudyDep, PageResponse, ParticipantDep, Web, WebDep, page
 from server.web.forms import Form, first
@@ -43,8 +43,10 @@ async def consent_page(request: Request, known: KnownStudyDep, web: WebDep, part
         return shown
     if shown := _in_mturk(made, study):
         return shown
+    # Their link names everybody: with a cookie that no longer counts, this is not a new participant.
+    is_over = participant is None and person is None and not may_start_new(study) and token_of(request) is not None
     if person is None and study.recruitment.required:
-        return made.render("participant/link_needed.html", 400)
+        return made.render("participant/link_needed.html", 400, is_over=is_over)
     if before is not None and before.status != "active" and (participant is None or participant.id != before.id):
         return made.render("participant/finished.html")
     if before is None and (not known.is_open or study.name in await web.database.read(study_openings.closed)):
@@ -52,6 +54,7 @@ async def consent_page(request: Request, known: KnownStudyDep, web: WebDep, part
     if before is None and await web.database.read(progress.is_paused, study.name):
         return _paused(made)
     context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
+    context["notice"] = "session_over" if is_over else ""
     template = "participant/welcome_back.html" if before is not None else "participant/consent.html"
     return made.render(template, **context)
 

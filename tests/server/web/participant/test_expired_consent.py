@@ -1,16 +1,18 @@
-"""A consent page that was open for longer than a form counts, or since before another tab consented."""
+"""Consent pages that were open for too long or since before another tab consented, and sessions that have ended."""
 
 import re
 import time
+from pathlib import Path
 
 import pytest
 
 from server.web.auth import FORM_S, NOBODY, CsrfProtection
 from tests.support.page_site import SECRET, PageSite, Visitor
-from tests.support.small_site import LINK
+from tests.support.small_site import LINK, PROLIFIC
 
 OTHER_LINK = LINK.replace("00001", "00002")
 EXPIRED = "This page was no longer up to date"
+SESSION_OVER = "Your session in this browser has ended"
 
 
 def expired_fields(visitor: Visitor) -> dict[str, str]:
@@ -80,3 +82,20 @@ def test_a_form_that_was_never_ours_is_refused(site: PageSite, broken: dict[str,
     visitor.get("/s/small")
     answer = visitor.send("/s/small/consent", expired_fields(visitor) | broken)
     assert (answer.status_code, EXPIRED in answer.text) == (403, False)
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_a_device_that_another_one_has_replaced_asks_for_the_link_and_not_for_a_new_consent(
+    tmp_path: Path, required: bool
+) -> None:
+    text = PROLIFIC if required else PROLIFIC.replace("required: true", "required: false")
+    with PageSite(tmp_path, text) as site:
+        first, second = Visitor(site), Visitor(site)
+        first.consent("hired", LINK)
+        second.consent("hired", LINK)
+        page = first.get("/s/hired/now")
+        assert SESSION_OVER in page.text
+        assert ("box_0" in page.text) != required
+        assert SESSION_OVER not in Visitor(site).get("/s/hired").text, "somebody new"
+        assert SESSION_OVER not in first.get(f"/s/hired{LINK}").text
+        assert "Welcome back" in first.page.text
