@@ -83,3 +83,23 @@ def test_an_error_of_the_database_at_consent_leads_back_with_the_recruiters_link
     monkeypatch.undo()
     assert visitor.get(unescape(back)).status_code == 200
     assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
+
+
+def test_an_error_of_the_database_at_the_link_is_tried_again_with_the_recruiters_parameters(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Through the start page, the next best button, somebody would take part without an id."""
+
+    async def down(*_: object) -> None:
+        raise DatabaseDown("away")
+
+    visitor = Visitor(site)
+    monkeypatch.setattr(site.database, "read", down)
+    assert visitor.get(f"/s/small{link(1)}").status_code == 503
+    in_chinese_503 = visitor.get(address(visitor, "lang=zh"))
+    assert "重试" in in_chinese_503.text
+    (again,) = re.findall(r'class="btn" href="([^"]*)"', visitor.page.text)
+    monkeypatch.undo()
+    assert visitor.get(unescape(again)).status_code == 200
+    assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
+    assert '<html lang="zh"' in visitor.page.text
