@@ -103,3 +103,13 @@ def test_an_error_of_the_database_at_the_link_is_tried_again_with_the_recruiters
     assert visitor.get(unescape(again)).status_code == 200
     assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
     assert '<html lang="zh"' in visitor.page.text
+
+
+def test_the_page_to_delete_data_leads_back_to_the_consent_form_with_language_and_link(site: PageSite) -> None:
+    visitor = Visitor(site)
+    visitor.get(f"/s/small{link(1)}&lang=zh")
+    visitor.get(address(visitor, "/withdraw"))
+    assert '<html lang="zh"' in visitor.page.text
+    visitor.get(address(visitor, r"/s/small\?"))
+    assert '<html lang="zh"' in visitor.page.text
+    assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
