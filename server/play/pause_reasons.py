@@ -99,10 +99,13 @@ class PauseReasons:
         """Return how long an absence that begins now may last."""
         return max(0.0, min(self._limits.each_s, self._limits.episode_s - self.away_ms(now) / 1000))
 
-    def extend(self, more_time_s: float) -> None:
-        """From now on absences in this game may last so much longer than the study says, each and all together. An
-        earlier, smaller number has no effect: it may arrive late, or be known from the database already."""
-        self._more_time_s = max(self._more_time_s, more_time_s)
+    def extend(self, more_time_s: float) -> bool:
+        """From now on absences in this game may last so much longer than the study says, each and all together. Return
+        False for a number that is known already, or smaller: it came late."""
+        if more_time_s <= self._more_time_s:
+            return False
+        self._more_time_s = more_time_s
+        return True
 
     @property
     def _limits(self) -> PauseLimits:

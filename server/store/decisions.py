@@ -87,7 +87,7 @@ def allow_longer_absence(connection: Connection, episode: str, participant: str,
     events.add(
         connection, events.Event(events.MORE_TIME, datetime.now(UTC), participant, episode, {"seconds": seconds})
     )
-    return events.more_time_s(connection, episode)
+    return events.more_time_s(connection, episode)[episode]
 
 
 def pause_study(connection: Connection, study: str, by: str) -> bool:

@@ -179,7 +179,7 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         asked=last.asked if last else None,
         displayed_intention=last.displayed_intention if last else None,
         is_paused=row.paused_by is not None,
-        more_time_s=events.more_time_s(connection, episode_id),
+        more_time_s=events.more_time_s(connection, episode_id).get(episode_id, 0.0),
     )
 
 

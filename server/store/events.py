@@ -53,10 +53,16 @@ def add_at_most(connection: Connection, new: Event, most: int) -> bool:
     return True
 
 
-def more_time_s(connection: Connection, episode_id: str) -> float:
-    """Return how much longer than its study says people may be away in an episode."""
-    query = select(events.c.detail).where(events.c.episode_id == episode_id, events.c.kind == MORE_TIME)
-    return sum(float(detail["seconds"]) for detail in connection.execute(query).scalars())
+def more_time_s(connection: Connection, *episode_ids: str) -> dict[str, float]:
+    """Return how much longer than their study says people may be away in those of these episodes where a researcher
+    has allowed it."""
+    query = select(events.c.episode_id, events.c.detail)
+    found: dict[str, float] = {}
+    for episode, detail in connection.execute(
+        query.where(events.c.episode_id.in_(episode_ids), events.c.kind == MORE_TIME)
+    ):
+        found[episode] = found.get(episode, 0.0) + float(detail["seconds"])
+    return found
 
 
 def of_participant(connection: Connection, participant_id: str, kind: str | None = None) -> list[Event]:
