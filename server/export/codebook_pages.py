@@ -42,7 +42,11 @@ EVENTS = ExportTable(
         text("participant", "Who."),
         text("episode", "During which episode."),
         time("at", "When."),
-        text("kind", "reload, takeover, trouble, rtt, not_asked (because of an earlier answer), partner_withdrew, ..."),
+        text(
+            "kind",
+            "reload, takeover, trouble, rtt, not_asked (because of an earlier answer), partner_withdrew, more_time (a "
+            "researcher lets people be away longer in this episode), ...",
+        ),
         Column("detail", "json", "Further details."),
     ),
 )

@@ -26,7 +26,7 @@ class SendMessage(GameCommand, frozen=True, tag="send_message"):
 
 
 class ExtendAbsence(GameCommand, frozen=True, tag="extend_absence"):
-    """Allow the participant to be away longer in this game."""
+    """Allow people to be away longer in this game. `seconds`: than its study says, with what was allowed before."""
 
     seconds: float
 

@@ -30,7 +30,7 @@ from server.play.games import Games, NoGame
 from server.play.messages import Notice
 from server.play.pause_reasons import ENDING, RESEARCHER, STUDY, Holder
 from server.play.recorder import RecorderDown
-from server.store import decisions, overview, unplayable_episodes
+from server.store import decisions, events, overview, unplayable_episodes
 from server.store.database import Database, DatabaseDown
 from server.study.loader import StudyError
 
@@ -112,8 +112,7 @@ class Control:
             case SendMessage(_, text):
                 return _show(game, text)
             case ExtendAbsence(_, seconds):
-                game.session.pause_reasons.extend(seconds)
-                game.tell_paused()
+                _extend(game, seconds)
             case EndGame():
                 return await self._end(game, "researcher")
         return True
@@ -177,12 +176,14 @@ class Control:
         return len(mine)
 
     async def _follow(self) -> None:
-        """Pause and resume as the database says: a command from another process may have been lost."""
+        """Pause, resume and extend absences as the database says: a command from another process may have been
+        lost."""
         while True:
             await asyncio.sleep(FOLLOW_EVERY_S)
             with suppress(DatabaseDown):  # no game runs then anyway
                 await self._follow_studies()
                 await self._follow_games()
+                await self._follow_absences()
 
     async def _follow_studies(self) -> None:
         before = set(self._paused)
@@ -205,6 +206,12 @@ class Control:
                 _release(game, RESEARCHER)
             elif not is_paused and game.episode in stored:
                 game.pause(RESEARCHER, _REASON)
+
+    async def _follow_absences(self) -> None:
+        here = [game.episode for game in self._games]
+        more = await self._database.read(events.more_time_s, *here) if here else {}
+        for game in self._games:
+            _extend(game, more.get(game.episode, 0.0))
 
     async def _keep(self) -> None:
         while self._paused:
@@ -238,6 +245,11 @@ class Control:
 def _release(game: Game, holder: Holder) -> None:
     game.release(holder)
     game.tell_paused()
+
+
+def _extend(game: Game, seconds: float) -> None:
+    if game.session.pause_reasons.extend(seconds):
+        game.tell_paused()
 
 
 def _show(game: Game, text: str) -> bool:

@@ -28,6 +28,10 @@ class NoGame(Exception):
     """There is no such episode, it is over, or the server is stopping."""
 
 
+class ServerStopping(NoGame):
+    """The game continues after the restart, or in another process."""
+
+
 class Owners(Protocol):
     """Ownership of games if several processes serve. `load` makes this process the owner."""
 
@@ -82,7 +86,7 @@ class Games:
     async def join(self, episode: str, person: int, connection: Connection) -> Game:
         """Handle a page's Hello. Raises NoGame, RecorderDown, and what `load` and the re-simulation raise."""
         if self.stopping:
-            raise NoGame("the server is going down")
+            raise ServerStopping("the server is going down")
         game = self._games.get(episode)
         if game is not None and self._owners is not None:
             if not await self._owners.still_mine(episode):
@@ -106,7 +110,7 @@ class Games:
     async def open(self, episode: str) -> Game:
         """Return the game, taken up from the database if it is not live here. Raises what `join` does."""
         if self.stopping:
-            raise NoGame("the server is going down")
+            raise ServerStopping("the server is going down")
         game = self._games.get(episode)
         if game is not None:
             return game

@@ -30,8 +30,8 @@ class Hold:
 class PauseReasons:
     """All reasons to pause one game. It may continue when the last one is released."""
 
-    def __init__(self, limits: PauseLimits, away_ms: float) -> None:
-        self._limits = limits
+    def __init__(self, limits: PauseLimits, away_ms: float, more_time_s: float = 0.0) -> None:
+        self._limits_of_study, self._more_time_s = limits, more_time_s
         self._held: dict[Holder, Hold] = {}
         self._away_s = away_ms / 1000  # of absences that are over
         self._away_since: float | None = None  # since when somebody is away; of two who are away at once, the first
@@ -99,10 +99,18 @@ class PauseReasons:
         """Return how long an absence that begins now may last."""
         return max(0.0, min(self._limits.each_s, self._limits.episode_s - self.away_ms(now) / 1000))
 
-    def extend(self, seconds: float) -> None:
-        """From now on absences in this game may last so much longer, each and all together."""
-        limits = self._limits
-        self._limits = PauseLimits(limits.each_s + seconds, limits.episode_s + seconds)
+    def extend(self, more_time_s: float) -> bool:
+        """From now on absences in this game may last so much longer than the study says, each and all together. Return
+        False for a number that is known already, or smaller: it came late."""
+        if more_time_s <= self._more_time_s:
+            return False
+        self._more_time_s = more_time_s
+        return True
+
+    @property
+    def _limits(self) -> PauseLimits:
+        limits = self._limits_of_study
+        return PauseLimits(limits.each_s + self._more_time_s, limits.episode_s + self._more_time_s)
 
     def reason(self, person: int) -> str:
         """Return the reason to show to this person: their own first, then the server's, then the other person's."""

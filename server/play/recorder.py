@@ -136,6 +136,7 @@ class EpisodeRecord:
     asked: bool | None = None  # of the last stored tick
     displayed_intention: ShownIntention | None = None  # of the last stored tick
     is_paused: bool = False  # by a researcher
+    more_time_s: float = 0.0  # how much longer than `spec.pause` people may be away: a researcher has allowed it
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class Session:
         self.late = False
         self.resumed = self.stored  # also at the start state, which is stored when the first countdown begins
         self.phase: Phase = "paused" if self.resumed else "waiting"
-        self.pause_reasons = PauseReasons(spec.pause, record.paused_ms)
+        self.pause_reasons = PauseReasons(spec.pause, record.paused_ms, record.more_time_s)
         self.pause_record: PauseRecord | None = None  # of the pause that lasts
         self.paused_since = now
         self._away_told_ms = record.paused_ms  # how much of the absences the pauses so far account for

@@ -1,4 +1,5 @@
-"""Decisions of researchers about data and studies: exclusions, which can be undone, and pauses of games and studies."""
+"""Decisions of researchers about data and studies: exclusions, which can be undone, pauses of games and studies, and
+more time for people who are away."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -6,6 +7,7 @@ from typing import Final
 
 from sqlalchemy import Connection, or_, select, update
 
+from server.store import events
 from server.store.tables import episodes, exclusions, study_pauses
 
 # What a researcher can choose from; stored with the decision and shown in the analysis as it is.
@@ -79,6 +81,18 @@ def paused_games(connection: Connection, *ids: str) -> set[str]:
 def pauser_of(connection: Connection, episode: str) -> str | None:
     """Return who pauses an episode by itself; None: nobody."""
     return connection.execute(select(episodes.c.paused_by).where(episodes.c.id == episode)).scalar_one_or_none()
+
+
+def allow_longer_absence(connection: Connection, episode: str, participant: str, seconds: float) -> float:
+    """Let people be away longer in an episode, wherever it is played from now on. Return how much longer in all; 0, and
+    nothing changes, if it is over."""
+    unfinished = (episodes.c.id == episode, episodes.c.status.in_(("new", "running")))
+    if connection.execute(select(episodes.c.id).where(*unfinished)).first() is None:
+        return 0.0
+    events.add(
+        connection, events.Event(events.MORE_TIME, datetime.now(UTC), participant, episode, {"seconds": seconds})
+    )
+    return events.more_time_s(connection, episode)[episode]
 
 
 def pause_study(connection: Connection, study: str, by: str) -> bool:

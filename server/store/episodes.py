@@ -19,6 +19,7 @@ from server.play.recorder import (
     PauseRecord,
     TickRecord,
 )
+from server.store import events
 from server.store import inputs as input_rows
 from server.store import ticks as tick_rows
 from server.store.tables import episodes, pauses, ticks
@@ -178,6 +179,7 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         asked=last.asked if last else None,
         displayed_intention=last.displayed_intention if last else None,
         is_paused=row.paused_by is not None,
+        more_time_s=events.more_time_s(connection, episode_id).get(episode_id, 0.0),
     )
 
 

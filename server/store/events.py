@@ -10,6 +10,7 @@ from sqlalchemy import Connection, func, select
 from server.store.tables import events, participants
 
 ATTENTION_SCREENED_OUT = "attention_screened_out"  # kind of the event of a participant who failed too many checks
+MORE_TIME = "more_time"  # kind of the event of an episode in which a researcher lets people be away longer
 PARTNER_WITHDREW = "partner_withdrew"  # kind of the event of a participant whose round was deleted with the partner
 
 
@@ -50,6 +51,18 @@ def add_at_most(connection: Connection, new: Event, most: int) -> bool:
         return False
     add(connection, new)
     return True
+
+
+def more_time_s(connection: Connection, *episode_ids: str) -> dict[str, float]:
+    """Return how much longer than their study says people may be away in those of these episodes where a researcher
+    has allowed it."""
+    query = select(events.c.episode_id, events.c.detail)
+    found: dict[str, float] = {}
+    for episode, detail in connection.execute(
+        query.where(events.c.episode_id.in_(episode_ids), events.c.kind == MORE_TIME)
+    ):
+        found[episode] = found.get(episode, 0.0) + float(detail["seconds"])
+    return found
 
 
 def of_participant(connection: Connection, participant_id: str, kind: str | None = None) -> list[Event]:

@@ -23,7 +23,7 @@ from server.study.definition import Study
 from server.study.locale import Locale, best_language, languages, locale
 from server.web.auth import FORM_FIELD, CsrfProtection, session_of, token_for, token_of
 from server.web.compiled_templates import compiled_templates
-from server.web.forms import Form, first, read_form
+from server.web.forms import Form, FormExpired, first, read_form
 from server.web.markdown import MARKDOWN
 from server.web.participant.step_json import step_page, wants_json
 from server.web.rate_limits import NewPlaces
@@ -107,15 +107,27 @@ async def answers_form(request: Request, web: WebDep) -> Form:
 AnswersFormDep = Annotated[Form, Depends(answers_form)]
 
 
-async def consent_form(request: Request, name: str, web: WebDep) -> Form:
+@dataclass(frozen=True)
+class SentConsent:
+    """A consent form. `expired` is None, or the reason why it counts for nothing and is shown again."""
+
+    form: Form
+    expired: FormExpired | None = None
+
+
+async def consent_form(request: Request, name: str, web: WebDep) -> SentConsent:
     """`own_form` of the consent page, also when it is sent again: what was sent first gave this browser its cookie."""
     secret, cookie = web.csrf.secret, token_of(request)
-    return await read_form(
-        request, web.csrf, was_nobodys=lambda form: token_for(secret, name, first(form, "visit")) == cookie
-    )
+    try:
+        form = await read_form(
+            request, web.csrf, was_nobodys=lambda form: token_for(secret, name, first(form, "visit")) == cookie
+        )
+    except FormExpired as expired:
+        return SentConsent(expired.form, expired)
+    return SentConsent(form)
 
 
-ConsentFormDep = Annotated[Form, Depends(consent_form)]
+ConsentFormDep = Annotated[SentConsent, Depends(consent_form)]
 
 
 async def participant_of(request: Request, name: str, web: WebDep) -> Participant | None:

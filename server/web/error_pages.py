@@ -10,8 +10,9 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from server.store.database import DatabaseDown
+from server.study.definition import Study
 from server.web.admin.rendering import researchers_error
-from server.web.dependencies import page, web_of
+from server.web.dependencies import Web, known_study, page, web_of
 from server.web.security_headers import security_headers
 
 _KNOWN = (400, 403, 404, 409, 413, 429, 500, 503)
@@ -59,9 +60,18 @@ def _participants_error(request: Request, status: int) -> Response:
     web = web_of(request)
     # A path below /s/name leads back into the study; only a name that exists is put into the page.
     pieces = request.url.path.split("/")
-    opened = web.studies.open(pieces[2]) if len(pieces) > 3 and pieces[1] == "s" else None
-    study = opened[1] if opened else None
+    study = _known(web, pieces[2]) if len(pieces) > 2 and pieces[1] == "s" else None
     kind = str(status if status in _KNOWN else 500 if status >= 500 else 400)
     path = f"{web.csrf.root}/s/{study.name}" if study else ""
-    made = replace(page(request, web, study), link=getattr(request.state, "link", None))
-    return made.render("participant/error.html", status, kind=kind, study=None, path=path)
+    is_entry = study is not None and len(pieces) == 3
+    link = dict(request.query_params) if is_entry else getattr(request.state, "link", None)
+    made = replace(page(request, web, study), link=link)
+    return made.render("participant/error.html", status, kind=kind, study=None, path=path, is_entry=is_entry)
+
+
+def _known(web: Web, name: str) -> Study | None:
+    """Return the study, also if it takes nobody new: its participants continue."""
+    try:
+        return known_study(name, web).study
+    except HTTPException:
+        return None

@@ -18,6 +18,14 @@ MAX_FIELDS = 300
 Form = Mapping[str, list[str]]
 
 
+class FormExpired(HTTPException):
+    """A page of this server sent the form, but it was made too long ago or for another session. `form`: its fields."""
+
+    def __init__(self, form: Form) -> None:
+        super().__init__(403, "The form has expired or is not from this server. Reload the page.")
+        self.form = form
+
+
 async def read_form(
     request: Request,
     csrf: CsrfProtection,
@@ -27,9 +35,9 @@ async def read_form(
     largest: int = MAX_FORM_BYTES,
 ) -> Form:
     """Return all values by field name, with line ends as one newline and otherwise as they were written. Refuses (413,
-    400, 403) what is too large, unreadable, or not from our own pages. `session`: what the form was made for; None: the
-    participant's. `was_nobodys`: whether the form may have been made before there was a session. `controls`: the caller
-    deals with control characters itself. `largest`: how many bytes the form may have."""
+    400, 403) what is too large, unreadable, or not from our own pages, and raises FormExpired (403). `session`: what
+    the form was made for; None: the participant's. `was_nobodys`: whether the form may have been made before there was
+    a session. `controls`: the caller deals with control characters itself. `largest`: how many bytes it may have."""
     if not csrf.is_own_origin(request):
         raise HTTPException(
             403, "The form was not sent by a page of this server. Open the page again and send it from there."
@@ -38,12 +46,12 @@ async def read_form(
     # Not `Request.form()`: Starlette needs python-multipart even for this encoding, does not limit the time that a form
     # takes, and accepts bytes that are not UTF-8.
     form = _json_fields(body) if _is_json(request) else _form_fields(body)
+    found = {name: [_newlines(value) for value in values] for name, values in form.items()}
     sessions = [session_of(request) if session is None else session]
     if was_nobodys is not None and was_nobodys(form):
         sessions.append(NOBODY)
     if not any(csrf.is_own_form(first(form, FORM_FIELD), one) for one in sessions):
-        raise HTTPException(403, "The form has expired or is not from this server. Reload the page.")
-    found = {name: [_newlines(value) for value in values] for name, values in form.items()}
+        raise FormExpired(found)
     for name, values in found.items() if not controls else ():
         if any(CONTROL.search(value) for value in values):
             raise HTTPException(

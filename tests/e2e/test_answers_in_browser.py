@@ -131,6 +131,21 @@ def test_a_digit_that_is_held_down_answers_once(page: Page) -> None:
     assert (chosen(page, "mood"), chosen(page, "pace")) == ("6", None)
 
 
+def test_a_pasted_text_that_is_too_long_is_not_cut_off_silently(site: PageSite, page: Page) -> None:
+    fill_in(page, words="")
+    page.focus("[name=words]")
+    page.keyboard.insert_text("y" * 600)
+    assert len(page.input_value("[name=words]")) == 600
+    expect(page.locator("#m-words")).to_have_text("Please write at most 500 characters; these are 600.")
+    page.click("#go")
+    expect(page.locator("[name=words]")).to_be_focused()
+    page.fill("[name=words]", "👍" * 500)
+    expect(page.locator("#m-words")).to_be_hidden()
+    page.click("#go")
+    page.wait_for_selector("#scene")
+    assert stored(site)["words"] == "👍" * 500
+
+
 def test_digits_are_written_where_something_is_written(page: Page) -> None:
     page.focus("[name=years]")
     page.keyboard.type("34")

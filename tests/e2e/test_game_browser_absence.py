@@ -199,6 +199,7 @@ def test_no_time_is_shown_when_it_is_over(chromium: Browser, server: FakeGameSer
             "Please wait; the round ends if this takes longer than 1 second."
         )
         expect(page.locator("#banner-left")).to_have_text("")
+        expect(page.locator("#banner-text")).to_contain_text("the round may have ended")
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,7 @@ def test_a_dead_line_is_given_up_in_every_phase(chromium: Browser, server: FakeG
         server.mute = True
         page.clock.run_for(8000)
         page.wait_for_selector("#banner:visible")
+        expect(page.locator("#banner-text")).to_contain_text("stay on this page" if phase == "room" else "is paused")
         server.mute = False
         server.wait_for(lambda server: server.hellos == 3)  # the page was loaded twice
 

@@ -223,6 +223,17 @@ def test_axe_finds_nothing_in_any_state(chromium: Browser, server: FakeGameServe
         check(page, "other tab")
 
 
+@pytest.mark.parametrize(("width", "height"), mostly_slow([(844, 390), (568, 320), (390, 844)]))
+def test_a_practice_that_may_be_skipped_has_its_button_on_every_phone(
+    chromium: Browser, server: FakeGameServer, width: int, height: int
+) -> None:
+    lesson_page(server, skip="tutorial")
+    size: Any = {"width": width, "height": height}
+    with opened(chromium, server, viewport=size, has_touch=True, is_mobile=True) as page:
+        start(page, server, kitchen(t=1, players=((2, 2, 3, 0), (5, 3, 0, 0))))
+        page.click("#skip", trial=True)
+
+
 def test_axe_finds_nothing_in_the_tutorial_on_a_phone(chromium: Browser, server: FakeGameServer) -> None:
     lesson_page(server)
     with opened(chromium, server, viewport=PHONE, has_touch=True, is_mobile=True) as page:

@@ -72,6 +72,7 @@ def test_everything_that_matters_is_in_sight_without_scrolling(
 ) -> None:
     width, height = size
     touch = size in ((390, 844), (360, 640), (844, 390))
+    server.welcome = rings(display="both", show="on_key")  # with the longest legend and one more button
     with opened(
         chromium, server, viewport={"width": width, "height": height}, has_touch=touch, is_mobile=touch
     ) as page:
@@ -79,7 +80,7 @@ def test_everything_that_matters_is_in_sight_without_scrolling(
         server.send(tick(kitchen(t=196, **MOMENT), WALK_TURN_SERVE))
         drawn(page, 250)
         parts = ["#time", "#score", "#soups", "canvas.board"] + (
-            [".touch .use", ".pad [data-action='1']"] if touch else []
+            [".touch .ask", ".touch .use", ".pad [data-action='1']"] if touch else []
         )
         for part in parts:
             box = page.locator(part).bounding_box()

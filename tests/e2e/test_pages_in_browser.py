@@ -1,7 +1,7 @@
 """The participant's pages in a real Chromium: looks, keys, drafts, languages, small screens, and what axe finds."""
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, WebSocketRoute, expect
 
 from server.store import participants
 from tests.support.browser.game_page import violations
@@ -103,6 +103,25 @@ def test_a_blocked_websocket_is_reported_before_consent(site: PageSite, chromium
     page.goto(f"{site.url}/s/small")
     expect(page.locator("#entry")).to_have_attribute("data-state", "bad", timeout=12_000)
     expect(page.locator("#entry-faults")).to_contain_text("live connection")
+    context.close()
+
+
+def test_a_connection_that_stalls_is_called_slow_and_not_blocked(site: PageSite, chromium: Browser) -> None:
+    context = chromium.new_context(viewport=DESK)  # type: ignore[arg-type]
+    page = context.new_page()
+    echoed: list[str | bytes] = []
+
+    def echo_once(socket: WebSocketRoute) -> None:
+        socket.on_message(lambda words: None if echoed else (echoed.append(words), socket.send(words))[1])
+
+    page.route_web_socket("**/check", echo_once)
+    page.clock.install()
+    page.goto(f"{site.url}/s/small")
+    while not echoed:
+        page.wait_for_timeout(20)
+    page.clock.run_for(9000)
+    expect(page.locator("#entry-faults")).to_contain_text("too slow for the game")
+    expect(page.locator("#entry-faults")).not_to_contain_text("live connection")
     context.close()
 
 

@@ -146,7 +146,7 @@ async def step_in(
             outcome = "sent" if await control.run(SendMessage(game.id, detail["text"])) else "gone"
         case "extend":
             detail["minutes"] = _minutes(form)
-            outcome = "extended" if await control.run(ExtendAbsence(game.id, 60.0 * detail["minutes"])) else "gone"
+            return back_to(_back(form), await _extend(admin, web, control, (game, detail)))
         case _:
             raise HTTPException(404, "unknown action")
     await _note(web, admin, f"{action} game", detail | {"done": outcome != "gone"})
@@ -168,6 +168,22 @@ async def _pause_or_resume(
     study = web.studies.version(game.study_id)
     paused = await web.database.read(decisions.paused_studies)
     return "resumed_later" if study is not None and study.name in paused else "resumed"
+
+
+async def _extend(admin: AdminSession, web: Web, control: ClusterControl, what: tuple[Played, dict[str, Any]]) -> str:
+    """Return the outcome. A game that nobody plays now has the time when the participant comes back."""
+    game, detail = what
+    more_time_s = 0.0
+
+    def allow(connection: Connection) -> float:
+        nonlocal more_time_s
+        more_time_s = decisions.allow_longer_absence(connection, game.id, game.participant_id, 60.0 * detail["minutes"])
+        return more_time_s
+
+    if not await _change(web, admin, "extend game", detail, allow):
+        return "gone"
+    await control.run(ExtendAbsence(game.id, more_time_s))
+    return "extended"
 
 
 @router.post("/person/{person}/{action}")

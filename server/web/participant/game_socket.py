@@ -16,7 +16,7 @@ from server.participation.waiting_room import WaitingRoom
 from server.play import messages
 from server.play.close_codes import CloseCode
 from server.play.game import Game
-from server.play.games import Games, NoGame
+from server.play.games import Games, NoGame, ServerStopping
 from server.play.recorder import RecorderDown
 from server.play.send_queue import Close, SendQueue
 from server.play.token_bucket import TokenBucket
@@ -234,6 +234,9 @@ class Sockets:
         else:
             try:
                 return await self._games.join(player.episode, player.seat, mine)
+            except ServerStopping as error:
+                log.info("episode %s is not taken up: %s", player.episode, error)
+                mine.close(CloseCode.RESTARTING, "the server is restarting")
             except NoGame as error:
                 mine.send(messages.Refused("no_game", str(error)))
                 mine.close(CloseCode.NO_GAME, "no game")

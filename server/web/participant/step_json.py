@@ -67,8 +67,8 @@ def _choose(made: StepPage, context: Context) -> None:
 def _consent(made: StepPage, context: Context) -> None:
     consent, language = context["consent"], made.language
     made.title, made.lead = consent.title.of(language), consent.lead.of(language)
-    if context["changed"]:
-        made.lead = f"{context['t']('consent.changed')} {made.lead}"
+    if context["notice"]:
+        made.lead = f"{context['t']('consent.' + context['notice'])} {made.lead}"
     made.texts = [StepText(fact.label.of(language), fact.value.of(language)) for fact in consent.facts]
     made.texts += [StepText(one.title.of(language), one.body.of(language)) for one in consent.sections]
     _welcome_back(made, context)

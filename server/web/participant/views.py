@@ -68,7 +68,7 @@ def consent_context(
         "kept": link_parameters(study.recruitment, person, extra),
         "visit": visit,
         "consent_text": study.consent.fingerprint,
-        "changed": False,
+        "notice": "",
         "ticked": [],
         "open_boxes": [],
         "phases": [phase for phase in phases if phase in present],
@@ -77,15 +77,20 @@ def consent_context(
     }
 
 
-def consent_again(made: PageResponse, arrival: progress.ConsentArrival, visit: str, open_boxes: list[int]) -> Response:
-    """Show the consent page again: because of boxes that are open, or with a new text, for which no box is ticked."""
+def consent_again(
+    made: PageResponse, arrival: progress.ConsentArrival, visit: str, open_boxes: list[int], expired: bool = False
+) -> Response:
+    """Show the consent page again: with a new text, for which no box is ticked; because of boxes that are open; or
+    because the form had expired."""
     assert made.study is not None  # noqa: S101 - the caller's page is one of a study
     consent = made.study.consent
     changed = arrival.text not in ("", consent.fingerprint)
-    ticked = [] if changed else [index for index in range(len(consent.boxes)) if index not in open_boxes]
     context = consent_context(made.study, made.language, arrival.person, arrival.extra, visit)
-    context |= {"ticked": ticked, "open_boxes": [] if changed else open_boxes, "changed": changed}
-    return made.render("participant/consent.html", 409 if changed else 422, **context)
+    if changed:
+        return made.render("participant/consent.html", 409, **context | {"notice": "changed"})
+    ticked = [index for index in range(len(consent.boxes)) if index not in open_boxes]
+    context |= {"ticked": ticked, "open_boxes": open_boxes, "notice": "expired" if expired else ""}
+    return made.render("participant/consent.html", 403 if expired else 422, **context)
 
 
 async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exit]:

@@ -29,11 +29,22 @@ export function chooseDialog(state, now) {
   if (state.link === 'superseded') return dialog('other');
   if (state.phase === 'ended') return dialog('over');
   if (state.link === 'closed') return dialog('closed');
-  if (state.link === 'lost') return dialog('banner', 'lost', secondsUntilEnd(state, now));
+  if (state.link === 'lost') return lostDialog(state, now);
   if (state.link === 'connecting') {
     return now - state.linkSinceMs > LOST_AFTER_MS ? dialog('banner', 'connecting') : dialog('none');
   }
   return gameDialog(state, now);
+}
+
+/**
+ * @param {State} state
+ * @param {number} now
+ * @returns {Dialog}
+ */
+function lostDialog(state, now) {
+  if (state.phase === 'room') return dialog('banner', 'lost_room');
+  const seconds = secondsUntilEnd(state, now);
+  return seconds === 0 ? dialog('banner', 'lost_long') : dialog('banner', 'lost', seconds);
 }
 
 /**

@@ -67,8 +67,8 @@ function answered(field) {
 function faultOf(field) {
   const [input] = controls(field);
   if (field.dataset.type === 'number') return numberFault(input);
-  const index = input.value.search(CONTROL);
-  if (index < 0) return null;
+  const [index, most, length] = [input.value.search(CONTROL), Number(input.dataset.most), [...input.value].length];
+  if (index < 0) return length > most ? { reason: 'long', most, length } : null;
   return { reason: 'control', before: input.value.slice(Math.max(0, index - CONTEXT_LENGTH), index) };
 }
 
@@ -130,6 +130,14 @@ function selectControl(input) {
   setTimeout(() => input.setSelectionRange(index, index + 1)); // after the field has got the focus
 }
 
+/** Take a text as a whole and say that it is too long: the browser would cut off the end of what is pasted. */
+function takeWholeTexts() {
+  for (const each of findAll('[data-type="text"] :is(input, textarea)', HTMLElement, form)) {
+    each.dataset.most = each.getAttribute('maxlength') ?? 'Infinity';
+    each.removeAttribute('maxlength');
+  }
+}
+
 /** @param {HTMLElement[]} missing */
 function showSummary(missing) {
   const kind = missing.some(begun) ? 'wrong' : 'open'; // an age of 12 is an answer
@@ -179,6 +187,9 @@ function changed(event) {
   if (answered(field)) {
     field.classList.remove('missing');
     controls(field).forEach((each) => each.removeAttribute('aria-invalid'));
+  } else if (field.dataset.type === 'text' && faultOf(field)?.reason === 'long') {
+    field.classList.add('missing');
+    explain(field);
   }
   if (!alertBox.hidden && !form.querySelector('.missing')) alertBox.hidden = true;
   saveDraft();
@@ -242,6 +253,7 @@ function submitted(event) {
 }
 
 form.noValidate = true;
+takeWholeTexts();
 restoreDraft();
 showProgress();
 form.addEventListener('input', changed);

@@ -8,13 +8,13 @@ from typing import Any, cast
 import pytest
 
 from server.monitoring import control as control_module
-from server.monitoring.commands import EndGame, EndGames, PauseGame, PauseStudy, ResumeGame, ResumeStudy
+from server.monitoring.commands import EndGame, EndGames, ExtendAbsence, PauseGame, PauseStudy, ResumeGame, ResumeStudy
 from server.monitoring.control import Control
 from server.play import messages as m
 from server.play.game import Game
 from server.play.pause_reasons import RESEARCHER, STUDY
 from server.play.recorder import EpisodeRecord
-from server.store import decisions
+from server.store import decisions, events
 from server.store.database import DatabaseDown
 from tests.support.live_fakes import make_spec
 from tests.support.running_games import RunningGames, running, until
@@ -128,9 +128,9 @@ async def test_a_pause_of_one_game_follows_the_database_although_its_command_is_
     monkeypatch.setattr(control_module, "FOLLOW_EVERY_S", 0.01)
     running.specs["e1"] = make_spec(horizon=400)
     _, game = await running.under_way()
-    stored: dict[Any, set[str]] = {decisions.paused_studies: set(), decisions.paused_games: set()}
+    stored: dict[Any, Any] = {decisions.paused_studies: set(), decisions.paused_games: set(), events.more_time_s: {}}
 
-    async def read(function: Any, *_: str) -> set[str]:
+    async def read(function: Any, *_: str) -> Any:
         return stored[function]
 
     control = Control(running.games, cast(Any, SimpleNamespace(read=read)), cast(Any, None))
@@ -141,6 +141,28 @@ async def test_a_pause_of_one_game_follows_the_database_although_its_command_is_
     await control.begin(shared=True)
     await until(lambda: (RESEARCHER in game.session.pause_reasons) is is_stored)
     await control.stop()
+
+
+async def test_more_time_follows_the_database_although_its_command_is_lost(
+    running: RunningGames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(control_module, "FOLLOW_EVERY_S", 0.01)
+    running.specs["e1"] = make_spec(horizon=400)
+    connection, game = await running.under_way()
+    game.pause(0, "hidden")
+    before_s = connection.of(m.Paused)[-1].left_s
+    stored: dict[Any, Any] = {decisions.paused_studies: set(), decisions.paused_games: set()}
+
+    async def read(function: Any, *_: str) -> Any:
+        return stored.get(function, {"e1": 600.0})
+
+    control = Control(running.games, cast(Any, SimpleNamespace(read=read)), cast(Any, None))
+    await control.begin(shared=True)
+    await until(lambda: connection.of(m.Paused)[-1].left_s > before_s)
+    await control.stop()
+    assert game.session.pause_reasons.next_absence_s(0.0) > 600.0
+    assert await control.run(ExtendAbsence("e1", 300.0)) == 1, "an earlier one that comes late"
+    assert game.session.pause_reasons.next_absence_s(0.0) > 600.0
 
 
 async def test_a_command_reaches_a_game_that_is_just_being_taken_up(running: RunningGames, control: Control) -> None:

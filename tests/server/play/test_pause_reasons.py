@@ -124,3 +124,13 @@ def test_after_a_pause_of_the_researcher_two_absences_begin_anew() -> None:
     assert reasons.left_s(1004.0) == pytest.approx(26.0)
     reasons.release(1, 1004.0)
     assert reasons.away_ms(1004.0) == 4_000.0
+
+
+def test_more_time_is_what_was_given_in_all() -> None:
+    reasons = PauseReasons(LIMITS, 0, more_time_s=60.0)
+    assert reasons.next_absence_s(0.0) == 90.0
+    reasons.extend(60.0)
+    assert reasons.next_absence_s(0.0) == 90.0, "the database knew of it already"
+    reasons.extend(180.0)
+    reasons.extend(120.0)
+    assert reasons.next_absence_s(0.0) == 210.0, "the newer number arrived first"

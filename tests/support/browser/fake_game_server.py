@@ -218,7 +218,9 @@ class FakeGameServer:
     def _html(self) -> str:
         words = locale(self.page["language"])
         return (
-            templates().get_template("participant/game.html").render(t=words, game={"socket": "/socket", **self.page})
+            templates()
+            .get_template("participant/game.html")
+            .render(t=words, game={"socket": "/socket", **self.page}, path="", token=str)
         )
 
 

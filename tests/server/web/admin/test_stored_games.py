@@ -64,6 +64,21 @@ def test_an_open_page_of_a_game_follows_who_pauses_it(site: PageSite, monkeypatc
             assert heard(socket, by)
 
 
+def test_more_time_counts_when_the_game_is_taken_up_again(site: PageSite, games: Games) -> None:
+    episode = played(site)
+    researcher = signed_in(site, "act")
+    page = f"/admin/s/small/game/{episode}"
+    researcher.get(page)
+    for minutes in ("2", "3"):
+        assert "more time now" in researcher.post(f"{page}/extend", minutes=minutes, note="a call", next=page).text
+    game = asyncio.run(games.open(episode))
+    assert game.session.pause_reasons.next_absence_s(games.clock.now()) == 330.0, "30 s of the study and 5 minutes"
+    site.database.write_now(episodes.end, EpisodeResult(episode, "done", "horizon", 0, 0, 0.0, True, "0" * 16))
+    assert "already ended" in researcher.post(f"{page}/extend", minutes="5", note="again", next=page).text
+    noted = [entry.detail for entry in site.database.read_now(audit.entries) if entry.action == "extend game"]
+    assert [(one["minutes"], one["done"]) for one in noted if one] == [(2, True), (3, True), (5, False)]
+
+
 def test_resuming_a_game_says_that_its_study_is_still_paused(site: PageSite) -> None:
     episode = played(site)
     researcher = signed_in(site, "act")

@@ -101,3 +101,12 @@ def test_the_next_person_is_offered_a_code_only_where_there_is_one(site: PageSit
         page = visitor.get(address).text
         assert "Show the last page" in page
         assert "code" not in page.split("<main")[1]
+
+
+def test_an_error_leads_back_to_a_study_that_is_not_served_any_more(site: PageSite) -> None:
+    visitor = Visitor(site)
+    walk_to(visitor, site, "everything")
+    not_served(site, "small")
+    page = visitor.send("/s/small/now", visitor.fields() | {"form_token": "expired"})
+    assert page.status_code == 403
+    assert 'class="btn" href="/s/small/now"' in page.text

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from server.participation import progress
 from server.store import decisions
 from server.store.database import DatabaseDown
+from server.store.new_places import NoPlaceLeft
 from tests.server.web.participant.test_changed_consent import NEW, OLD, open_version
 from tests.server.web.participant.test_filling_a_study import ONE_EACH
 from tests.server.web.participant.test_recruiters import RECRUITMENTS
@@ -82,4 +84,49 @@ def test_an_error_of_the_database_at_consent_leads_back_with_the_recruiters_link
     (back,) = re.findall(r'class="btn" href="([^"]*)"', visitor.page.text)
     monkeypatch.undo()
     assert visitor.get(unescape(back)).status_code == 200
+    assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
+
+
+def test_an_error_of_the_database_at_the_link_is_tried_again_with_the_recruiters_parameters(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Through the start page, the next best button, somebody would take part without an id."""
+
+    async def down(*_: object) -> None:
+        raise DatabaseDown("away")
+
+    visitor = Visitor(site)
+    monkeypatch.setattr(site.database, "read", down)
+    assert visitor.get(f"/s/small{link(1)}").status_code == 503
+    in_chinese_503 = visitor.get(address(visitor, "lang=zh"))
+    assert "重试" in in_chinese_503.text
+    (again,) = re.findall(r'class="btn" href="([^"]*)"', visitor.page.text)
+    monkeypatch.undo()
+    assert visitor.get(unescape(again)).status_code == 200
+    assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
+    assert '<html lang="zh"' in visitor.page.text
+
+
+def test_the_page_to_delete_data_leads_back_to_the_consent_form_with_language_and_link(site: PageSite) -> None:
+    visitor = Visitor(site)
+    visitor.get(f"/s/small{link(1)}&lang=zh")
+    visitor.get(address(visitor, "/withdraw"))
+    assert '<html lang="zh"' in visitor.page.text
+    visitor.get(address(visitor, r"/s/small\?"))
+    assert '<html lang="zh"' in visitor.page.text
+    assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
+
+
+def test_a_network_from_which_too_many_came_is_tried_again_with_the_recruiters_link(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none_left(*_: object) -> None:
+        raise NoPlaceLeft
+
+    visitor = Visitor(site)
+    visitor.get(f"/s/small{link(1)}")
+    monkeypatch.setattr(progress, "enrol_within", none_left)
+    assert visitor.send("/s/small/consent", visitor.fields("/consent") | {"box_0": "yes"}).status_code == 429
+    (again,) = re.findall(r'class="btn" href="([^"]*)"', visitor.page.text)
+    assert visitor.get(unescape(again)).status_code == 200
     assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"

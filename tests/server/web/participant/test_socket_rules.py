@@ -56,6 +56,14 @@ async def test_sockets_of_a_deleted_participant_close_for_good(served: Served) -
         assert await hear(other, "tick")
 
 
+async def test_a_page_that_comes_while_the_server_stops_connects_again(served: Served) -> None:
+    """With 4004 it would load itself again, from a server that is gone a moment later."""
+    served.games.stopping = True
+    async with served.connect("ann") as socket:
+        await say(socket, **HELLO)
+        assert await close_code(socket) == 1012
+
+
 def own_origin(served: Served) -> Origin:
     return Origin("http" + served.url.removeprefix("ws").removesuffix("/s/demo/socket"))
 
