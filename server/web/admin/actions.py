@@ -29,6 +29,7 @@ from server.study.loader import StudyError
 from server.web import deletion
 from server.web.admin.rendering import back_to, own_path, study_at
 from server.web.admin.researcher_auth import ActDep, AdminFormDep
+from server.web.control import ControlDep
 from server.web.dependencies import Web, WebDep
 from server.web.forms import Form, first, whole_number
 from server.web.services import ServicesDep
@@ -39,13 +40,6 @@ MAX_TEXT_LENGTH = 500
 MAX_MINUTES = 60
 VERSION_TIMEOUT_S = 60.0  # loading a version's models takes seconds
 OPEN_TIMEOUT_S = 1.0  # who misses it follows
-
-
-def control_of(services: ServicesDep) -> ClusterControl:
-    return services.control
-
-
-ControlDep = Annotated[ClusterControl, Depends(control_of)]
 
 
 async def _game(name: str, episode: str, web: WebDep) -> Played:

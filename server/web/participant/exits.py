@@ -9,8 +9,8 @@ from server.participation.recruiter_links import recruitment_of, turned_away
 from server.store.participants import Participant
 from server.study.recruitment import Exit
 from server.web import deletion, guess_limits
-from server.web.admin.actions import ControlDep
 from server.web.auth import forget_cookie
+from server.web.control import ControlDep
 from server.web.dependencies import FormDep, KnownStudy, KnownStudyDep, PageResponse, ParticipantDep, Web, WebDep, page
 from server.web.forms import first
 from server.web.participant import views
