@@ -57,7 +57,8 @@ class PauseReasons:
         return self._held[person].reason if self.is_away(person) else None
 
     def hold(self, holder: Holder, reason: str, now: float) -> None:
-        """A person who is away already stays away since the first moment; one whom the server kept waiting does not."""
+        """Add a reason to pause. A person who is already away stays away since the first moment; one whom the server
+        kept waiting does not."""
         held = self._held.get(holder)
         if held is None or held.reason not in AWAY_REASONS:
             self._held[holder] = Hold(reason, now)
@@ -100,7 +101,7 @@ class PauseReasons:
         return max(0.0, min(self._limits.each_s, self._limits.episode_s - self.away_ms(now) / 1000))
 
     def extend(self, seconds: float) -> None:
-        """From now on absences in this game may last so much longer, each and all together."""
+        """Allow absences in this game to last this much longer from now on, each one and all together."""
         limits = self._limits
         self._limits = PauseLimits(limits.each_s + seconds, limits.episode_s + seconds)
 
