@@ -298,7 +298,7 @@ def test_new_study_passes_its_check_and_is_never_overwritten(
     assert run("check", str(file), capsys=capsys)[0] == 0
     before = file.read_bytes()
     code, _, err = run("new", "pilot", "--out", str(file), capsys=capsys)
-    assert (code, "is there already" in err) == (2, True)
+    assert (code, "already exists" in err) == (2, True)
     assert file.read_bytes() == before
     assert run("new", "Not A Name", capsys=capsys)[0] == 2
 
