@@ -53,8 +53,8 @@ def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
 
 
 def _variant_problems(study: Study) -> Iterator[Problem]:
-    """Predictors written with a variant: `sp_predictor_stream@60` would silently be degraded in conditions that show
-    the predictor itself."""
+    """Yield predictors written with a variant: `sp_predictor_stream@60` would silently be degraded in conditions that
+    show the predictor itself."""
     places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
     places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
     for place, agent in places:

@@ -56,7 +56,7 @@ def _to(path: str) -> RedirectResponse:
 
 @router.get("/")
 async def choose(request: Request, web: WebDep) -> Response:
-    """Which study to take part in."""
+    """Ask which study to take part in."""
     closed = await web.database.read(study_openings.closed)
     names = (name for name in web.studies.names() if name not in closed)
     open_studies = [found[1] for name in names if (found := web.studies.open(name))]
@@ -66,7 +66,7 @@ async def choose(request: Request, web: WebDep) -> Response:
 
 
 def _kitchens(study: Study) -> list[tuple[Text, list[str]]]:
-    """Titles and grids of the first kitchens, for their pictures."""
+    """Return titles and grids of the first kitchens, for their pictures."""
     shown = study.layouts[:MAX_PICTURES] if "episodes" in study.flow else []
     return [(kitchen.title, layout_of(kitchen).text.splitlines()) for kitchen in shown]
 
@@ -105,7 +105,8 @@ def _paused(made: PageResponse) -> Response:
 
 
 def _in_mturk(made: PageResponse, study: Study) -> Response | None:
-    """MTurk shows a study in a frame, where browsers keep no cookies and a game is too small: it opens in a tab."""
+    """Return a page that opens the study in a tab if MTurk shows it in a frame, where browsers keep no cookies and a
+    game is too small; otherwise None."""
     preview = is_preview(study.recruitment, made.request.query_params)
     framed = made.request.headers.get("sec-fetch-dest") in ("iframe", "frame")
     if study.recruitment.source != "mturk" or not (preview or framed):
@@ -202,7 +203,8 @@ async def new_page(request: Request, known: KnownStudyDep, web: WebDep, particip
 
 
 def _next_person(made: PageResponse, participant: Participant) -> Response:
-    """Only somebody with a code is offered to see it: a place may have been released without one."""
+    """Show the page for the next person. Only somebody with a code is offered to see it: a place may have been released
+    without one."""
     ended = "finished" if participant.completion_code else "ended"
     return made.render("participant/next_person.html", state="active" if participant.status == "active" else ended)
 
