@@ -79,9 +79,9 @@ def _new(name: str, path: Path) -> int:
 
 def _check(path: Path, arguments: argparse.Namespace) -> int:
     from server.commands.databases import load_stored
+    from server.prediction_warnings import prediction_warnings
     from server.study.loader import StudyError
     from server.study_check import stage_problems
-    from server.study_doubts import doubts
 
     try:
         file = load_stored(path, ServerData.of(arguments))
@@ -95,7 +95,7 @@ def _check(path: Path, arguments: argparse.Namespace) -> int:
     for line in (*file.warnings, *(file.describe(problem) for problem in found if problem.warning)):
         print(f"warning: {line}")
     if all(problem.warning for problem in found):
-        for problem in doubts(file):
+        for problem in prediction_warnings(file):
             print(f"warning: {file.describe(problem)}")
     errors = [file.describe(problem) for problem in found if not problem.warning]
     if errors:

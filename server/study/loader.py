@@ -65,7 +65,7 @@ class StudyFile:
     """Where relative paths of models start."""
     own_models: FilePath | None = None
     """Where trained models that the study names are: KITCHEN/NAME below this folder."""
-    doubts: tuple[PlacedProblem, ...] = ()
+    placed_warnings: tuple[PlacedProblem, ...] = ()
     """The warnings with their places."""
 
     def describe(self, problem: Problem) -> str:
@@ -158,9 +158,9 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     if wrong:
         raise places.error(wrong)
     warnings = tuple(places.describe(problem) for problem in found if problem.warning)
-    doubts = tuple(places.placed(problem) for problem in found if problem.warning)
+    placed_warnings = tuple(places.placed(problem) for problem in found if problem.warning)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    return StudyFile(study, source, text, digest, places, warnings, doubts=doubts)
+    return StudyFile(study, source, text, digest, places, warnings, placed_warnings=placed_warnings)
 
 
 def values_of(text: str | yaml.Node) -> Any:

@@ -165,10 +165,10 @@ async def dashboard(request: Request, name: str, admin: WatchDep, services: Serv
     new = changed if changed is not None and not changed.problem and admin.may("act") else None
     served = None if stops["closed"] else versions.file_of(name)
     context: dict[str, Any] = stops | {"versions": len(study_ids), "new": new, "address": page.study_address(name)}
-    context["doubts"] = []
+    context["warnings"] = []
     if served is not None:
         changed_since = await web.database.read(changed_models, name, served.sha256, versions.fingerprint)
-        context["doubts"] = [*changed_since, *await asyncio.to_thread(warnings_of, served)]
+        context["warnings"] = [*changed_since, *await asyncio.to_thread(warnings_of, served)]
     return page.render("dashboard.html", tab="live", study=study, **context)
 
 
