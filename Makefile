@@ -61,7 +61,7 @@ bench: .venv/.test
 gallery: .venv/.test system
 	@$(BIN)/python tests/e2e/take_gallery.py $(ARGS)
 
-# A broken link is an error. NO_MKDOCS_2_WARNING: mkdocs.yml says what that warning says.
+# A broken link is an error. NO_MKDOCS_2_WARNING: mkdocs.yml explains that warning.
 docs: .venv/.docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "Open build/site/index.html"

@@ -121,4 +121,4 @@ def accuracy_sentence(rows: Sequence[Result], who: Subjects) -> str:
         which = f" (predictor: {escape(words)})" if words else ""
         parts.append(f"{_percent([row])} of {partner(row.agent)}’s actions{which}{bounds}")
     games = f"In the games with {who.people}"
-    return f"{games} the predictor foresaw {listed(parts)}, mean of the three steps." if parts else ""
+    return f"{games} the predictor correctly predicted {listed(parts)}, mean of the three steps." if parts else ""

@@ -63,7 +63,7 @@ def boundaries(information: Sequence[float], spending: Sequence[float], two_side
 
 @cache
 def _nodes() -> tuple[Array, Array]:
-    """Places and weights of Gauss-Legendre quadrature, which take a second to compute."""
+    """Return places and weights of Gauss-Legendre quadrature, which take a second to compute."""
     places, weights = np.polynomial.legendre.leggauss(NODES)
     return np.asarray(places), np.asarray(weights)
 

@@ -80,7 +80,7 @@ def _corrected_for(tests: Sequence[Result]) -> str:
 
 
 def _size(analysis: Analysis) -> str:
-    """860 episodes of 87 people."""
+    """Return the size of the data in words: 860 episodes of 87 people."""
     number_of_people = analysis.episodes["participant"].n_unique()
     return f"{analysis.episodes.height} episodes of {number_of_people} {analysis.subjects.people}"
 
@@ -111,7 +111,7 @@ def _layouts_finding(analysis: Analysis) -> str:
 
 
 def _counted(analysis: Analysis, tests: Sequence[Result], found: Sequence[Result]) -> str:
-    """4 of 5 layouts with SP and 0 of 5 with FCP."""
+    """Return the counts in words: 4 of 5 layouts with SP and 0 of 5 with FCP."""
     parts: list[str] = []
     for name in analysis.agents:
         rows, mine = ([row for row in some if row.agent == name] for some in (tests, found))
@@ -126,7 +126,7 @@ def _dependent(analysis: Analysis, column: str) -> bool:
 
 
 def sentences(analysis: Analysis) -> list[str]:
-    """Sentences for a results section. With blocks of rounds, those about the factors take the place of comparisons of
+    """Return sentences for a results section. With blocks of rounds, those about the factors replace comparisons of
     conditions, which would compare orders of the blocks."""
     accuracy = accuracy_sentence(analysis.rows, analysis.subjects)
     if analysis.within:

@@ -16,8 +16,8 @@ FEWEST = 3  # with fewer values, neither test is informative
 def check(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]]
 ) -> Iterator[Result]:
-    """A Shapiro-Wilk and a Levene row for every (layout, agent), over the conditions with FEWEST values or more; the
-    note names the others."""
+    """Return a Shapiro-Wilk and a Levene row for every (layout, agent), over the conditions with FEWEST values or more;
+    the note names the others."""
     found = Groups(episodes, measure)
     for layout, agent in places:
         values = found.at(layout, agent, conditions)

@@ -30,8 +30,8 @@ def known_offline(export: Export, weights: Path | None) -> Mapping[str, Mapping[
 
 
 def offline_accuracy(episodes: pl.DataFrame, weights: Path) -> Offline:
-    """For every agent, predictor and layout whose predictor lies in `weights` (folders LAYOUT/NAME); others are left
-    out. So are rounds of two people: the offline test is about agents, which people are not like."""
+    """Return the accuracy for every agent, predictor and layout whose predictor is in `weights` (folders LAYOUT/NAME).
+    Rounds of two people are left out: the offline test is about agents, which differ from people."""
     if "predictor_sha256" not in episodes.columns:
         return {}
     known = {hash_of(path.parent): steps for path in sorted(weights.glob("*/*/config.json")) if (steps := _steps(path))}

@@ -55,7 +55,8 @@ def _people(data: Data) -> range:
 
 
 def _adjusted(x: Array, rest: Array, inverse: Array) -> tuple[Array, Array, Array]:
-    """X'A e, X'A X and X'A A X of one person, with A the inverse root of what least squares leaves of its errors."""
+    """Return X'A e, X'A X and X'A A X of one person, where A is the inverse root of what least squares leaves of its
+    errors."""
     values, vectors = np.linalg.eigh(np.eye(len(x)) - x @ inverse @ x.T)
     kept = values > SINGULAR
     root = (vectors[:, kept] / np.sqrt(values[kept])) @ vectors[:, kept].T

@@ -112,7 +112,7 @@ def _welch_anova(base: Result, groups: Sequence[Values]) -> Result:
 
 
 def t_test(base: Result, first: Values, second: Values) -> Result:
-    """Student's two-sided test of first - second put into `base`, with Hedges' g; or why there is none."""
+    """Return Student's two-sided test of first - second put into `base`, with Hedges' g; or why there is none."""
     base = replace(base, n=first.size + second.size)
     if problem := effects.can_compare([first, second]):
         return replace(base, note=problem)

@@ -84,7 +84,7 @@ def _late(export: Export, found: Mapping[int, object], what: str) -> str:
     names = ", ".join(str(number) for number in others)
     return (
         f"{people} took part under version {names} of the study file, which declares {other}. "
-        f"The {what} below was not declared before their data."
+        f"The {what} below was not declared before those data were collected."
     )
 
 
@@ -141,7 +141,7 @@ def _compared(block: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...
     if effect and comparison:
         raise ValueError("primary: it names both two conditions and an effect")
     if effect and len(set(effect)) < len(effect):
-        raise ValueError("primary.effect: a factor is there twice")
+        raise ValueError("primary.effect: a factor occurs twice")
     if not effect and (len(set(comparison)) != 2 or len(comparison) != 2):
         raise ValueError("primary.comparison: it needs two different conditions, such as [tom, none]")
     return comparison, effect

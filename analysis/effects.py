@@ -17,13 +17,14 @@ Values = NDArray[np.float64]
 
 
 def pooled_sd(first: Values, second: Values) -> float:
-    """Standard deviation within two groups, weighted by their degrees of freedom."""
+    """Return the standard deviation within two groups, weighted by their degrees of freedom."""
     squares = (first.size - 1) * first.var(ddof=1) + (second.size - 1) * second.var(ddof=1)
     return math.sqrt(squares / (first.size + second.size - 2))
 
 
 def hedges_g(first: Values, second: Values, level: float = 0.95) -> Interval:
-    """Standardised difference first - second without small-sample bias, with its exact interval (noncentral t)."""
+    """Return the standardised difference first - second without small-sample bias, with its exact interval (noncentral
+    t)."""
     spread = pooled_sd(first, second)
     if spread == 0:
         return Interval(math.nan, level=level)
@@ -52,8 +53,8 @@ def _noncentral_t(t: float, df: float, level: float) -> tuple[float, float]:
 
 
 def eta_squared(f: float, df_between: float, df_within: float, level: float = 0.90) -> Interval:
-    """Share of variance between groups of a one-way ANOVA, with its interval (noncentral F). 90 % by default: the test
-    is one-sided, so that this interval leaves out zero exactly when p < .05."""
+    """Return the share of variance between groups of a one-way ANOVA, with its interval (noncentral F). 90 % by
+    default: the test is one-sided, so that this interval leaves out zero exactly when p < .05."""
     share = f * df_between / (f * df_between + df_within)
     total = df_between + df_within + 1
     low, high = (
@@ -75,12 +76,13 @@ def _noncentral_f(f: float, df_between: float, df_within: float, tail: float) ->
 
 
 def epsilon_squared(h: float, n: int) -> float:
-    """Effect size of Kruskal-Wallis: the share of the variance of ranks that lies between groups (Kelley; 0 to 1)."""
+    """Return the effect size of Kruskal-Wallis: the share of the variance of ranks that lies between groups (Kelley; 0
+    to 1)."""
     return h / (n - 1)
 
 
 def cliffs_delta(first: Values, second: Values, level: float = 0.95) -> Interval:
-    """P(first > second) - P(first < second), the rank-biserial correlation; asymmetric interval (Cliff 1996)."""
+    """Return P(first > second) - P(first < second), the rank-biserial correlation; asymmetric interval (Cliff 1996)."""
     dominance = np.sign(first[:, None] - second[None, :])  # (first, second)
     delta = float(dominance.mean())
     m, n = dominance.shape
@@ -108,12 +110,12 @@ def mean_interval(values: Values, level: float = 0.95) -> Interval:
 
 
 def standard_error(values: Values) -> float:
-    """Standard error of the mean; nan for fewer than two values."""
+    """Return the standard error of the mean; nan for fewer than two values."""
     return float(values.std(ddof=1) / math.sqrt(values.size)) if values.size > 1 else math.nan
 
 
 def difference_interval(first: Values, second: Values, level: float = 0.95) -> Interval:
-    """first - second with Student's interval for equal variances."""
+    """Return first - second with Student's interval for equal variances."""
     df = first.size + second.size - 2
     half = float(special.stdtrit(df, (1 + level) / 2)) * pooled_sd(first, second)
     half *= math.sqrt(1 / first.size + 1 / second.size)

@@ -10,8 +10,8 @@ from analysis.tables import export_of
 
 
 def episode_proposals(tables: Mapping[str, pl.DataFrame], chosen: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Chosen episode -> proposal and the rules that say so. `tables`: those of an export, with all episodes and answers
-    of the participants; of episodes that are not chosen, ticks may be missing."""
+    """Return the proposal for each chosen episode, with the rules that say so. `tables`: those of an export, with all
+    episodes and answers of the participants; of episodes that are not chosen, ticks may be missing."""
     export = export_of(tables, Path(), "")
     found = data_quality.proposals(measures.episode_measures(export), export.answers)
     found = found.filter(pl.col("episode").is_in(list(chosen)))

@@ -72,7 +72,8 @@ def claim_rows(base: Result, pair: tuple[str, str], first: Values, second: Value
 
 
 def _two_one_sided(base: Result, first: Values, second: Values, bound: float) -> Result:
-    """p is the larger of the two; the interval at 90 % lies within the bounds exactly where p < .05."""
+    """Return the result of both tests: p is the larger of the two; the interval at 90 % lies within the bounds exactly
+    where p < .05."""
     above = stats.ttest_ind(first + bound, second, equal_var=False, alternative="greater")
     below = stats.ttest_ind(first - bound, second, equal_var=False, alternative="less")
     test = above if above.pvalue >= below.pvalue else below

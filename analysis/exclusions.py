@@ -99,7 +99,7 @@ def _counts(step: str, table: pl.DataFrame, conditions: Sequence[str], unit: str
 
 
 def versions_notice(export: Export) -> str:
-    """That several versions of the study are analysed together, and how to choose one; empty if it is one."""
+    """Say that several versions of the study are analysed together, and how to choose one; empty if there is one."""
     if len(export.versions) < 2:
         return ""
     who = export.subjects

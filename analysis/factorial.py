@@ -222,8 +222,8 @@ def difference(base: Result, cells: FactorialCells, term: Sequence[str]) -> Resu
 
 
 def _marginal_means(base: Result, cells: FactorialCells) -> Iterator[Result]:
-    """The mean of each level over the other factors, each combination counting the same; the interval is from the
-    variance within all combinations."""
+    """Return the mean of each level over the other factors, with equal weight for each combination; the interval is
+    from the variance within all combinations."""
     try:
         variance, rest = _within(cells)
     except ValueError:
@@ -241,8 +241,8 @@ def _marginal_means(base: Result, cells: FactorialCells) -> Iterator[Result]:
 
 
 def _simple_effects(base: Result, cells: FactorialCells) -> Iterator[Result]:
-    """For each factor, t-tests between its levels at every combination of levels of the others, Benjamini-Hochberg
-    within the factor: they describe an interaction."""
+    """Return for each factor t-tests between its levels at every combination of levels of the others,
+    Benjamini-Hochberg within the factor: they describe an interaction."""
     for factor, levels in cells.factors.items():
         others = {name: cells.factors[name] for name in cells.factors if name != factor}
         family = []

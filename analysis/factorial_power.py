@@ -46,7 +46,8 @@ class EffectPower:
         return math.prod(count for name, count in self.levels.items() if name not in self.within) * orders
 
     def _variance(self, blocks: int) -> float:
-        """Of what the effect is tested on: a person's differences or mean, as the variance of one combination."""
+        """Return the variance of what the effect is tested on (a person's differences or mean), as the variance of one
+        combination."""
         if any(name in self.within for name in self.term):
             return self.design.residual_sd**2 * blocks / self.design.episodes
         return self.design.mean_sd**2 * blocks

@@ -17,7 +17,7 @@ from analysis.simulated import PEOPLE, Subjects
 
 
 def effect_title(term: str) -> str:
-    """prediction x opacity -> Prediction × opacity."""
+    """Return an effect's title: prediction x opacity -> Prediction × opacity."""
     words = term.replace(BY, " × ").replace("_", " ")
     return words[:1].upper() + words[1:]
 
@@ -37,7 +37,7 @@ def _name(outcome: str) -> str:
 
 
 def _effects(outcome: str, tests: Sequence[Result], who: Subjects) -> str:
-    """One sentence: which effects were found, each with its test."""
+    """Say in one sentence which effects were found, each with its test."""
     parts = [f"{_term(row)} ({_numbers(row)})" for row in tests]
     return (
         f"In a factorial analysis of variance of {_name(outcome)} over {tests[0].n} {who.people} "

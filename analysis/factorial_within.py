@@ -178,8 +178,8 @@ def _weights(cells: RepeatedCells, term: Sequence[str]) -> tuple[Array, Array]:
 
 
 def _of_groups(cells: RepeatedCells, inner: Array, outer: Array) -> Array:
-    """Weights of the means of all groups, (outer * inner, groups, combinations), for each row of `outer` with each of
-    `inner`. Raises ValueError where levels and blocks cannot be told apart."""
+    """Return weights of the means of all groups, (outer * inner, groups, combinations), for each row of `outer` with
+    each of `inner`. Raises ValueError where levels and blocks cannot be told apart."""
     found = np.zeros((len(outer), len(inner), len(cells.groups), inner.shape[1]))
     for column, between in enumerate(product(*cells.outer.values())):
         mine = [place for place, (levels, _) in enumerate(cells.groups) if levels == between]
@@ -237,7 +237,7 @@ def difference(base: Result, cells: RepeatedCells, term: Sequence[str]) -> Resul
 
 
 def _weights_at(cells: RepeatedCells, wanted: dict[str, dict[str, float]]) -> tuple[Array, Array]:
-    """Weights of the levels of the wanted factors; the others are averaged."""
+    """Return weights of the levels of the wanted factors; the others are averaged."""
 
     def of(factors: Factors) -> Array:
         weights = np.ones(1)
@@ -250,7 +250,7 @@ def _weights_at(cells: RepeatedCells, wanted: dict[str, dict[str, float]]) -> tu
 
 
 def _marginal_means(base: Result, cells: RepeatedCells) -> Iterator[Result]:
-    """The mean of each level over the other factors, each combination counting the same."""
+    """Return the mean of each level over the other factors, with equal weight for each combination."""
     for factor, levels in cells.factors.items():
         for level in levels:
             inner, outer = _weights_at(cells, {factor: {level: 1.0}})
@@ -263,7 +263,7 @@ def _marginal_means(base: Result, cells: RepeatedCells) -> Iterator[Result]:
 
 
 def _simple_effects(base: Result, cells: RepeatedCells) -> Iterator[Result]:
-    """Between the levels of each factor at every combination of levels of the others, Benjamini-Hochberg within the
+    """Compare the levels of each factor at every combination of levels of the others, Benjamini-Hochberg within the
     factor; of a single factor, only where it has more than two levels."""
     for factor, levels in cells.factors.items():
         others = {name: cells.factors[name] for name in cells.factors if name != factor}

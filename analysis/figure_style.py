@@ -85,7 +85,7 @@ def new_figure(height_in: float, rows: int = 1, width_in: float = WIDTH_IN) -> t
 
 
 def fill(condition: str, conditions: Sequence[str]) -> tuple[str, str, str]:
-    """Edge, face and hatch of a condition."""
+    """Return edge, face and hatch of a condition."""
     if condition in FILLS:
         return FILLS[condition]
     others = [name for name in conditions if name not in FILLS]

@@ -27,7 +27,7 @@ def _legend(panel: Axes, conditions: Sequence[str]) -> None:
 
 
 def _bar(panel: Axes, x: float, row: Result, conditions: Sequence[str], half: float, decimals: int) -> float:
-    """One mean with its error bar and number; returns how high it reaches."""
+    """Draw one mean with its error bar and number; return how high it reaches."""
     edge, face, hatch = fill(row.condition, conditions)
     panel.bar(x, row.estimate, 0.22, facecolor=face, edgecolor=edge, hatch=hatch, linewidth=1.1, zorder=2)
     half = 0.0 if math.isnan(half) else half
@@ -54,8 +54,8 @@ def _group_places(conditions: Sequence[str]) -> dict[str, float]:
 
 @styled
 def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[str, str] | None) -> Figure:
-    """Mean reward with standard error by agent (panels), layout and condition; brackets where `contrast` is significant
-    after correction."""
+    """Draw mean reward with standard error by agent (panels), layout and condition; brackets where `contrast` is
+    significant after correction."""
     means = select(rows, section="reward", test="mean")
     agents = list(dict.fromkeys(row.agent for row in means))
     layouts = list(dict.fromkeys(row.layout for row in means))
@@ -97,7 +97,7 @@ def _bracket(panel: Axes, mark: str, ends: Sequence[float], height: float, top: 
 
 @styled
 def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
-    """Hedges g with interval for every layout and agent; filled where significant after correction."""
+    """Draw Hedges g with interval for every layout and agent; filled where significant after correction."""
     tests = select(rows, section="reward", test="t_test_people", contrast=" - ".join(contrast))
     tests = [row for row in tests if not math.isnan(row.effect) and row.agent != "all"]
     figure, (panel,) = new_figure(0.9 + 0.24 * len(tests))
@@ -124,7 +124,7 @@ def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
 
 @styled
 def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Mapping[str, str]) -> Figure:
-    """Mean answers with 95 % interval by agent (panels), question and condition, on the scale 1 to 7."""
+    """Draw mean answers with 95 % interval by agent (panels), question and condition, on the scale 1 to 7."""
     means = select(rows, section="questionnaire", test="mean")
     agents = list(dict.fromkeys(row.agent for row in means))
     questions = list(dict.fromkeys(row.question for row in means))
@@ -152,7 +152,7 @@ def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Map
 
 @styled
 def accuracy(rows: Sequence[Result], chance: float = 1 / 6) -> Figure:
-    """Accuracy by step ahead for every agent: filled offline, hollow with people."""
+    """Draw accuracy by step ahead for every agent: filled offline, hollow with people."""
     figure, (panel,) = new_figure(2.5, width_in=4.2)
     ends: list[tuple[float, str]] = []
     for test, style, name in (("offline", "-", "offline"), ("live", "--", "live")):
@@ -196,7 +196,7 @@ def _end_labels(panel: Axes, ends: Sequence[tuple[float, str]], apart: float) ->
 
 @styled
 def power(points: Sequence[Power], here: int | None) -> Figure:
-    """Power of the test over people by participants, one line an effect; `here` marks this study."""
+    """Draw the power of the test over people by participants, one line per effect; `here` marks this study."""
     figure, (panel,) = new_figure(2.5, width_in=4.2)
     effects = list(dict.fromkeys(point.effect for point in points))
     for effect, style in zip(effects, ("-", "--", ":", "-.") * len(effects), strict=False):
@@ -218,7 +218,7 @@ def power(points: Sequence[Power], here: int | None) -> Figure:
 
 @styled
 def quantiles(residuals: NDArray[np.float64]) -> Figure:
-    """Residuals of the mixed model against a normal distribution."""
+    """Draw residuals of the mixed model against a normal distribution."""
     figure, (panel,) = new_figure(2.5, width_in=4.2)
     (theory, found), (slope, middle, _) = stats.probplot(residuals)
     panel.plot(theory, slope * theory + middle, color=SOFT, linewidth=1)

@@ -11,12 +11,12 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 
 
 def layout_title(layout: str) -> str:
-    """coordination_ring -> Coordination Ring."""
+    """Return a layout's title: coordination_ring -> Coordination Ring."""
     return LAYOUT_TITLES.get(layout, layout.replace("_", " ").title())
 
 
 def agent_title(agent: str) -> str:
-    """sp -> SP; the names of other agents keep their spelling."""
+    """Return an agent's title: sp -> SP; the names of other agents keep their spelling."""
     if agent == "all":
         return "Both"
     return agent.upper() if agent in ("sp", "fcp") else agent
@@ -28,12 +28,12 @@ def partner_phrase(agent: str) -> str:
 
 
 def partner_title(agent: str) -> str:
-    """sp -> SP agent; person -> Another person."""
+    """Return a partner's title: sp -> SP agent; person -> Another person."""
     return "Another person" if agent == PERSON else f"{agent_title(agent)} agent"
 
 
 def condition_title(condition: str) -> str:
-    """tom -> ToM."""
+    """Return a condition's title: tom -> ToM."""
     return CONDITION_TITLES.get(condition, condition.replace("_", " ").capitalize())
 
 
@@ -43,12 +43,12 @@ def condition_phrase(condition: str) -> str:
 
 
 def contrast_title(contrast: str) -> str:
-    """ "tom - none" -> "ToM – None"."""
+    """Return a contrast's title: "tom - none" -> "ToM – None"."""
     return " – ".join(condition_title(name) for name in contrast.split(" - "))
 
 
 def number(value: float, decimals: int = 2) -> str:
-    """3.14159 -> 3.14, with a real minus; a dash for what could not be computed."""
+    """Format a number: 3.14159 -> 3.14, with a real minus; a dash for what could not be computed."""
     if math.isnan(value):
         return "–"
     text = f"{value:.{decimals}f}"
@@ -62,12 +62,12 @@ def signed(value: float, decimals: int = 1) -> str:
 
 
 def degrees(value: float) -> str:
-    """Degrees of freedom: whole where they are, else one decimal (Welch)."""
+    """Format degrees of freedom: whole where they are, else one decimal (Welch)."""
     return "–" if math.isnan(value) else f"{value:.0f}" if value == round(value) else f"{value:.1f}"
 
 
 def p_value(p: float) -> str:
-    """For tables: .004, < .001, > .999."""
+    """Format p for tables: .004, < .001, > .999."""
     if math.isnan(p):
         return "–"
     if p < 0.001:
@@ -76,21 +76,21 @@ def p_value(p: float) -> str:
 
 
 def p_equals(p: float) -> str:
-    """For sentences: = .004, < .001."""
+    """Format p for sentences: = .004, < .001."""
     text = p_value(p)
     return text if text[0] in "<>" else f"= {text}"
 
 
 def stars(p: float) -> str:
-    """* below .05, ** below .01, else nothing."""
+    """Return the stars of p: * below .05, ** below .01, else nothing."""
     return "**" if p < 0.01 else "*" if p < 0.05 else ""
 
 
 def word(count: int) -> str:
-    """Small numbers as words, as APA wants them in sentences."""
+    """Write small numbers as words, as APA requires in sentences."""
     return NUMBERS[count] if 0 <= count < len(NUMBERS) else str(count)
 
 
 def listed(parts: list[str]) -> str:
-    """a; a and b; a, b and c."""
+    """Join words: a; a and b; a, b and c."""
     return parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1] if parts else ""

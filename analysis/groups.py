@@ -36,8 +36,8 @@ class Groups:
 
 
 def person_means(table: pl.DataFrame, measure: str, *apart: str) -> pl.DataFrame:
-    """One row a person with the mean of the measure, for each value of the columns `apart`; `layout` and `agent` say
-    "all" where they are averaged over."""
+    """Return one row per person with the mean of the measure, for each value of the columns `apart`; `layout` and
+    `agent` say "all" where they are averaged over."""
     keys = ["participant", "condition", *apart]
     means = table.group_by(keys, maintain_order=True).agg(pl.col(measure).mean().round(DECIMALS))
     return means.with_columns(pl.lit(ALL).alias(name) for name in ("layout", "agent") if name not in apart)
@@ -60,7 +60,7 @@ class PeopleGroups:
 
 
 def cells(layouts: Sequence[str], agents: Sequence[str]) -> list[tuple[str, str]]:
-    """(layout, agent) pairs in reporting order, agents outermost."""
+    """Return (layout, agent) pairs in reporting order, agents outermost."""
     return [(layout, agent) for agent, layout in product(agents, layouts)]
 
 
@@ -71,15 +71,15 @@ def _in_direction(conditions: Sequence[str]) -> list[str]:
 
 
 def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
-    """ToM against none, in whatever order the study lists them; in other designs the last condition against `none`, or
-    without it against the first; None with a single condition."""
+    """Return the main contrast: ToM against none, in whatever order the study lists them; in other designs the last
+    condition against `none`, or without it against the first; None with a single condition."""
     ordered = _in_direction(conditions)
     return (ordered[-1], ordered[0]) if len(ordered) > 1 else None
 
 
 def pairs(conditions: Sequence[str]) -> list[tuple[str, str]]:
-    """Comparisons of conditions: tom - none, tom - random, random - none. The main contrast is one of them, in its
-    direction, so that tests and sentences find it in every study."""
+    """Return the comparisons of conditions: tom - none, tom - random, random - none. The main contrast is one of them,
+    in its direction, so that tests and sentences find it in every study."""
     found = [(second, first) for first, second in combinations(_in_direction(conditions), 2)]
     return sorted(found, key=lambda pair: pair[0] != "tom")
 

@@ -18,7 +18,8 @@ MEASURES = {"predicted": "likeliest intention", "shown": "intention that was dra
 
 
 def by_episode(ticks: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
-    """One row an episode with intentions: episode, participant, condition, predicted, shown (null: none was drawn)."""
+    """Return one row per episode with intentions: episode, participant, condition, predicted, shown (null: none was
+    drawn)."""
     if not set(INTENTIONS) <= set(ticks.columns):
         return pl.DataFrame(schema={"condition": pl.String})
     came = ticks.filter(pl.col("interaction_kind") > 0, pl.col("intention_1_kind").is_not_null())

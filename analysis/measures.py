@@ -102,14 +102,14 @@ def longest_idle(ticks: pl.DataFrame) -> pl.DataFrame:
 
 
 def pushing(ticks: pl.DataFrame) -> pl.DataFrame:
-    """Share of timesteps beyond the eighth of the same move in a row: the chef is blocked by a wall or the partner. It
-    detects being stuck from the actions alone."""
+    """Return the share of timesteps beyond the eighth of the same move in a row: the chef is blocked by a wall or the
+    partner. It detects being stuck from the actions alone."""
     beyond = pl.when(pl.col("person") < MOVES).then((pl.col("length").cast(pl.Int64) - PUSHES).clip(0)).otherwise(0)
     return _runs(ticks).group_by("episode").agg(pushing_share=beyond.sum() / pl.col("length").sum())
 
 
 def prediction_hits(ticks: pl.DataFrame) -> pl.DataFrame:
-    """One row per prediction whose action was then seen: episode, timestep, step, hit."""
+    """Return one row per prediction whose action was then seen: episode, timestep, step, hit."""
     ticks = ticks.sort("episode", "timestep")
     steps = []
     for step in range(1, STEPS + 1):
@@ -125,7 +125,7 @@ def prediction_hits(ticks: pl.DataFrame) -> pl.DataFrame:
 
 
 def accuracy_of_episodes(ticks: pl.DataFrame) -> pl.DataFrame:
-    """episode, accuracy_1..3 and accuracy (their mean), shares of predicted actions that were then done."""
+    """Return episode, accuracy_1..3 and accuracy (their mean): shares of predicted actions that were then done."""
     names = [f"accuracy_{step}" for step in range(1, STEPS + 1)]
     rates = prediction_hits(ticks).group_by("episode", "step").agg(rate=pl.col("hit").mean())
     episodes = rates.select("episode").unique()

@@ -77,7 +77,7 @@ def _data(chosen: pl.DataFrame, measure: str, columns: Array) -> Data:
 
 
 def _dummies(values: pl.Series, levels: Sequence[str]) -> Array:
-    """(episodes, levels - 1): one column for every level but the first."""
+    """Return a column for every level but the first: (episodes, levels - 1)."""
     return np.stack([(values == level).to_numpy() for level in levels[1:]], axis=1).astype(np.float64)
 
 
@@ -130,7 +130,8 @@ def _variance_rows(base: Result, variance: Variance) -> list[Result]:
 
 
 def _interaction(base: Result, chosen: pl.DataFrame, conditions: Sequence[str], plain: Data) -> Result:
-    """Likelihood ratio of the model whose condition effects differ by layout against the one in which they do not."""
+    """Return the likelihood ratio of the model whose condition effects differ by layout against the one in which they
+    do not."""
     effect = _dummies(chosen["condition"], conditions)
     place = _dummies(chosen["layout"], in_order(chosen["layout"], LAYOUTS))
     products = (effect[:, :, None] * place[:, None, :]).reshape(chosen.height, -1)

@@ -66,13 +66,13 @@ class Fit:
         return 2 * variance**2 / spread
 
     def _by_person(self) -> Array:
-        """Z'V^-1 X: (people, effects)."""
+        """Return Z'V^-1 X: (people, effects)."""
         sums = self._data.sums(self._data.x)
         return np.asarray(sums / (self.within + self.between * self._data.sizes)[:, None])
 
     def _information(self, by_person: Array) -> Array:
-        """Expected restricted information about (between, within): half the traces of P V_i P V_j. Written with sums
-        over people alone, by P V P = P."""
+        """Return the expected restricted information about (between, within): half the traces of P V_i P V_j. Written
+        with sums over people alone, by P V P = P."""
         sizes = self._data.sizes
         diagonal = sizes / (self.within + self.between * sizes)  # Z'V^-1 Z
         taken = np.einsum("pi,ij,pj->p", by_person, self.covariance, by_person)  # diagonal of what the effects take
@@ -115,7 +115,7 @@ class Profile:
         return np.asarray(-0.5 * value)
 
     def solve(self, ratio: float) -> tuple[Array, Array, float]:
-        """beta, inverse of X'H^-1 X and the weighted residual sum of squares, H = I + ratio ZZ'."""
+        """Return beta, the inverse of X'H^-1 X and the weighted residual sum of squares, H = I + ratio ZZ'."""
         weights = ratio / (1 + ratio * self._sizes)
         inner = self._xx - (self._sums * weights[:, None]).T @ self._sums
         right = self._xy - self._sums.T @ (weights * self._total)
@@ -126,7 +126,7 @@ class Profile:
         return self._start + beta, inverse, float(plain @ plain - (weights * rest**2).sum())
 
     def __call__(self, ratio: float) -> float:
-        """Log-likelihood at its maximum over everything but the ratio."""
+        """Return the log-likelihood at its maximum over everything but the ratio."""
         _, inverse, squares = self.solve(ratio)
         if squares <= 0:
             return -math.inf

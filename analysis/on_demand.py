@@ -19,7 +19,8 @@ MEASURES = {"shown_share": "share of time", "uses_per_minute": "uses a minute"}
 
 
 def by_episode(ticks: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
-    """One row an episode with marks on demand: episode, participant, condition, shown_share, uses_per_minute."""
+    """Return one row per episode with marks on demand: episode, participant, condition, shown_share,
+    uses_per_minute."""
     if not set(ON_DEMAND) <= set(ticks.columns):
         return pl.DataFrame(schema={"condition": pl.String})
     asked = pl.col("asked").cast(pl.Boolean)

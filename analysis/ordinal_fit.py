@@ -82,7 +82,7 @@ def fit(data: OrdinalData, nodes: int = NODES) -> OrdinalFit:
 
 
 def _start(data: OrdinalData) -> Array:
-    """Thresholds as in the answers of all, no effects, people who differ a little."""
+    """Return start values: thresholds as in the answers of all, no effects, people who differ a little."""
     counts = np.bincount(data.category, minlength=data.categories)
     cumulative = (np.cumsum(counts)[:-1] + 0.5) / (counts.sum() + 1)
     thresholds = special.logit(cumulative)
@@ -130,8 +130,8 @@ def log_likelihood(data: OrdinalData, values: Array, nodes: int) -> tuple[float,
 
 
 def _newton(data: OrdinalData, lower: Array, upper: Array, sd: float, mode: Array) -> tuple[Array, Array]:
-    """Newton's step towards the mode of each person's u, and the negative curvature there. The step is damped as the
-    logistic function allows (Bach 2010): a full step swings between two places far from the mode."""
+    """Return Newton's step towards the mode of each person's u, and the negative curvature there. The step is damped as
+    the logistic function allows (Bach 2010): a full step swings between two places far from the mode."""
     low, high = (special.expit(bound - sd * mode[data.person]) for bound in (lower, upper))
     slope = sd * _by_person(data, low + high - 1) - mode
     curvature = sd**2 * _by_person(data, low * (1 - low) + high * (1 - high)) + 1
@@ -147,7 +147,7 @@ def _bounds(data: OrdinalData, thresholds: Array) -> tuple[Array, Array]:
 
 
 def _log_probability(lower: Array, upper: Array) -> Array:
-    """log(logistic(upper) - logistic(lower)), also where both are far from zero."""
+    """Return log(logistic(upper) - logistic(lower)), also where both are far from zero."""
     return np.asarray(special.log_expit(upper) + special.log_expit(-lower) + np.log1p(-np.exp(lower - upper)))
 
 

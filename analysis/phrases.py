@@ -45,7 +45,8 @@ def note(row: Result) -> str:
 
 
 def statistic(row: Result) -> str:
-    """t(55) = 3.46, p = .001; F(2, 83) = ...; H(2, n = 430) = ... with letters in italics."""
+    """Return a test in APA style: t(55) = 3.46, p = .001; F(2, 83) = ...; H(2, n = 430) = ... with letters in
+    italics."""
     letter = {"chi2": "χ²"}.get(row.statistic_name, row.statistic_name)
     inside = degrees(row.df)
     if letter == "H":
@@ -62,7 +63,7 @@ def corrected(row: Result) -> str:
 
 
 def interval(row: Result, decimals: int = 1) -> str:
-    """95 % CI [1.2, 3.4], of the estimate."""
+    """Return the interval of the estimate: 95 % CI [1.2, 3.4]."""
     return f"95 % CI [{number(row.estimate_low, decimals)}, {number(row.estimate_high, decimals)}]"
 
 
@@ -87,7 +88,7 @@ def lowered(rows: Sequence[Result]) -> list[Result]:
 
 
 def places(rows: Sequence[Result]) -> str:
-    """with SP on Matrix and Double Rings and with FCP on Matrix."""
+    """Return where differences are: with SP on Matrix and Double Rings and with FCP on Matrix."""
     parts = []
     for name in dict.fromkeys(row.agent for row in rows):
         where = [layout(row.layout) for row in rows if row.agent == name]
@@ -96,6 +97,6 @@ def places(rows: Sequence[Result]) -> str:
 
 
 def span(values: Sequence[float], decimals: int = 2) -> str:
-    """from 0.41 to 0.78; one value alone stands for itself."""
+    """Return the range of values: from 0.41 to 0.78; a single value as it is."""
     low, high = (number(value, decimals) for value in (min(values), max(values)))
     return low if low == high else f"from {low} to {high}"

@@ -60,7 +60,8 @@ class Power:
 def simulate(
     design: PowerDesign, effect: float, participants: int, studies: int, generator: np.random.Generator
 ) -> Values:
-    """Rewards around their expectation: (studies, 2 conditions, participants, episodes), the second with the effect."""
+    """Return simulated rewards around their expectation: (studies, 2 conditions, participants, episodes), the second
+    with the effect."""
     shape = (studies, 2, participants)
     rewards = generator.normal(0, design.residual_sd, (*shape, design.episodes))
     rewards += generator.normal(0, design.person_sd, shape)[..., None]
@@ -69,7 +70,7 @@ def simulate(
 
 
 def t_test_p(first: Values, second: Values) -> Values:
-    """Two-sided p of Student's test along axis 1: (studies, participants, ...) -> (studies, ...)."""
+    """Return two-sided p of Student's test along axis 1: (studies, participants, ...) -> (studies, ...)."""
     size = first.shape[1]
     spread = first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)
     t = (first.mean(axis=1) - second.mean(axis=1)) / np.sqrt(spread / size)
@@ -77,7 +78,7 @@ def t_test_p(first: Values, second: Values) -> Values:
 
 
 def found_after_correction(p: Values, alpha: float) -> NDArray[np.bool_]:
-    """Benjamini-Hochberg along the last axis: which hypotheses are rejected."""
+    """Return which hypotheses Benjamini-Hochberg rejects along the last axis."""
     tests = p.shape[-1]
     ordered = np.sort(p, axis=-1)
     below = ordered <= alpha * np.arange(1, tests + 1) / tests
@@ -111,7 +112,7 @@ def curve(
 
 
 def write_points(points: Sequence[Power], path: Path, simulated: bool = False) -> None:
-    """The curve as CSV, one row a point. `simulated`: its `note` says that a number comes from simulated
+    """Write the curve as CSV, one row per point. `simulated`: its `note` says that a number comes from simulated
     participants."""
     names = ("effect", "participants", "people", "comparison", "some", "studies")
     note = LABEL if simulated else ""
@@ -149,7 +150,8 @@ def smallest_size(power: Callable[[int], float], wanted: float) -> int | None:
 
 
 def sizes_for(design: PowerDesign, effects: Sequence[float], participants: int) -> list[int]:
-    """Sizes at which to simulate: the usual ones, the study's own, and those at which the wanted power is reached."""
+    """Return the sizes at which to simulate: the usual ones, the study's own, and those at which the wanted power is
+    reached."""
     needed = [participants_needed(design, effect) for effect in effects]
     return sorted({*SIZES, participants, *(size for size in needed if size is not None and 2 <= size <= DRAWN)})
 

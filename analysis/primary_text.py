@@ -23,8 +23,8 @@ TITLES = {
 }
 DIRECTIONS = {"two_sided": "two-sided", "greater": "one-sided: greater", "less": "one-sided: less"}
 NO_PRIMARY = (
-    "The study file declared no primary test before the data, so every test in this report is exploratory: a single "
-    "significant result among many proves little."
+    "The study file declared no primary test before data collection, so every test in this report is exploratory: a "
+    "single significant result among many proves little."
 )
 SECONDARY = "Every other test in this report is secondary or exploratory."
 

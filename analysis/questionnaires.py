@@ -46,7 +46,7 @@ def questions(answers: pl.DataFrame) -> list[str]:
 
 
 def of_people(answers: pl.DataFrame) -> pl.DataFrame:
-    """One row a person, question and agent with the mean of the person's answers."""
+    """Return one row per person, question and agent with the mean of the person's answers."""
     keys = ("participant", "condition", "question", "agent")
     return answers.group_by(*keys, maintain_order=True).agg(pl.col("value").mean())
 
@@ -75,8 +75,9 @@ def means(answers: pl.DataFrame, conditions: Sequence[str], agents: Sequence[str
 
 
 def tests(answers: pl.DataFrame, conditions: Sequence[str], agents: Sequence[str]) -> list[Result]:
-    """t-tests between conditions for every question and agent. `t_test`: over answers as published, Benjamini-Hochberg
-    within an agent. `t_test_people`: over the mean of every person, Benjamini-Hochberg over all of them."""
+    """Return t-tests between conditions for every question and agent. `t_test`: over answers as published,
+    Benjamini-Hochberg within an agent. `t_test_people`: over the mean of every person, Benjamini-Hochberg over all of
+    them."""
     published: list[Result] = []
     for agent in agents:
         published += adjust(_tests(answers, conditions, agent, Result("questionnaire", "t_test", unit="answers")))

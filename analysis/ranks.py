@@ -55,22 +55,22 @@ def dealt(condition: NDArray[np.int64], draws: int, seed: int) -> NDArray[np.flo
 
 
 def spread(member: NDArray[np.float64], sums: Values, counts: Values) -> Values:
-    """Squared sums of conditions over their counts, added up: what differs between permutations. `sums` and `counts`:
-    (people, columns)."""
+    """Return the squared sums of conditions over their counts, added up: what differs between permutations. `sums` and
+    `counts`: (people, columns)."""
     total, count = member @ sums, member @ counts  # (draws, conditions, columns)
     return np.asarray((total**2 / np.maximum(count, 1)).sum(axis=(1, 2)))
 
 
 def shares(statistic: Values) -> Values:
-    """For every draw the share of draws with a statistic as large: p values, all from the same permutations."""
+    """Return for every draw the share of draws with a statistic as large: p values, all from the same permutations."""
     ordered = np.sort(statistic)
     slack = TOLERANCE * max(1.0, float(np.abs(ordered).max()))
     return np.asarray((statistic.size - np.searchsorted(ordered, statistic - slack)) / statistic.size)
 
 
 def step_down(p: Values) -> Values:
-    """Family-wise corrected p of several tests (Westfall and Young 1993, minimum p, step-down). `p`: (tests, draws), of
-    which the first draw is the observed one; tests that are alike cost little."""
+    """Return family-wise corrected p of several tests (Westfall and Young 1993, minimum p, step-down). `p`: (tests,
+    draws), of which the first draw is the observed one; tests that are alike cost little."""
     order = np.argsort(p[:, 0], kind="stable")
     adjusted = np.empty(len(order))
     before = 0.0
@@ -89,9 +89,9 @@ def kruskal_wallis(
     draws: int = DRAWS,
     seed: int = SEED,
 ) -> list[Result]:
-    """One rank test per agent over the conditions. `kruskal_wallis`: as published, with episodes as independent and
-    epsilon squared. `kruskal_wallis_people`: its p when conditions are permuted over people, corrected for the agents.
-    """
+    """Return one rank test per agent over the conditions. `kruskal_wallis`: as published, with episodes as independent
+    and epsilon squared. `kruskal_wallis_people`: its p when conditions are permuted over people, corrected for the
+    agents."""
     chosen = episodes.filter(pl.col(measure).is_not_null() & pl.col("condition").is_in(list(conditions)))
     everybody = people_of(chosen, measure)
     size = everybody.condition.size
@@ -123,7 +123,7 @@ def _column(of_people: NDArray[Any]) -> Values:
 
 
 def _published(part: People, agent: str, draws: int, seed: int) -> Result:
-    """Kruskal-Wallis over episodes; the interval of its effect draws people."""
+    """Compute Kruskal-Wallis over episodes; the interval of its effect draws people."""
     present = np.unique(part.condition[part.person])
     groups = [part.values[part.condition[part.person] == arm] for arm in present]
     base = Result("reward", "kruskal_wallis", ALL, agent, n=part.values.size)
@@ -175,7 +175,8 @@ def _permuted(rows: Sequence[Result], people: Sequence[int], p: Values) -> list[
 
 
 def epsilon_interval(part: People, draws: int, seed: int, level: float = 0.95) -> tuple[float, float]:
-    """Percentile interval of epsilon squared, people drawn with replacement within their condition; nan if none."""
+    """Return the percentile interval of epsilon squared, people drawn with replacement within their condition; nan if
+    none."""
     values, value = np.unique(part.values, return_inverse=True)
     held = np.zeros((part.condition.size, values.size))  # (people, distinct values)
     np.add.at(held, (part.person, value), 1.0)
@@ -184,7 +185,7 @@ def epsilon_interval(part: People, draws: int, seed: int, level: float = 0.95) -
     for start in range(0, draws, BATCH):
         size = min(BATCH, draws - start)
         counts = np.stack([weights @ held for weights in _drawn(part.condition, size, generator)], axis=1)
-        found.append(_epsilon(counts))  # counts: (draws, conditions, distinct values)
+        found.append(epsilon_of_counts(counts))  # counts: (draws, conditions, distinct values)
     every = np.concatenate(found)
     every = every[np.isfinite(every)]
     low, high = np.quantile(every, ((1 - level) / 2, (1 + level) / 2)) if every.size else (math.nan, math.nan)
@@ -202,8 +203,9 @@ def _drawn(condition: NDArray[np.int64], draws: int, generator: np.random.Genera
     return weights
 
 
-def _epsilon(counts: NDArray[np.float64]) -> Values:
-    """Epsilon squared of tables (draws, conditions, distinct values in order) of counts; nan where nothing varies."""
+def epsilon_of_counts(counts: NDArray[np.float64]) -> Values:
+    """Return epsilon squared of tables (draws, conditions, distinct values in order) of counts; nan where nothing
+    varies."""
     total = counts.sum(axis=1)  # (draws, distinct values)
     n = total.sum(axis=1)
     ranks = np.cumsum(total, axis=1) - (total - 1) / 2  # middle ranks of tied values
@@ -250,7 +252,7 @@ def _levels_of_both(chosen: pl.DataFrame, column: str) -> int:
 
 
 def _profiles(people: People, rest: Values, column: pl.Series) -> tuple[Values, Values]:
-    """Sums and counts of every person's values at each level of the column: (people, levels) both."""
+    """Return sums and counts of every person's values at each level of the column: (people, levels) both."""
     names, level = np.unique(column.to_numpy(), return_inverse=True)
     sums, counts = np.zeros((people.condition.size, names.size)), np.zeros((people.condition.size, names.size))
     np.add.at(sums, (people.person, level), rest)
@@ -259,17 +261,10 @@ def _profiles(people: People, rest: Values, column: pl.Series) -> tuple[Values, 
 
 
 def doubly_centred(values: Values, rows: NDArray[np.int64], columns: NDArray[np.int64], rounds: int = 20) -> Values:
-    """Values without the means of their row and column, also where some cells are empty (alternating projections)."""
+    """Subtract the means of row and column from the values, also where some cells are empty (alternating
+    projections)."""
     rest = values.copy()
     for _ in range(rounds):
         for index in (columns, rows):
             rest -= (np.bincount(index, rest) / np.maximum(np.bincount(index), 1))[index]
     return rest
-
-
-def kruskal_h(groups: Sequence[Values]) -> float:
-    """H with correction for ties, as scipy computes it but without its checks: for many draws."""
-    values, value = np.unique(np.concatenate(groups), return_inverse=True)
-    counts = np.zeros((1, len(groups), values.size))
-    np.add.at(counts[0], (np.repeat(np.arange(len(groups)), [group.size for group in groups]), value), 1.0)
-    return float(_epsilon(counts)[0] * (sum(group.size for group in groups) - 1))

@@ -116,7 +116,7 @@ def _main_tests(analysis: Analysis) -> list[Result]:
 
 
 def _asked(analysis: Analysis) -> list[Result]:
-    """One of the questionnaire's tests for each question and comparison, in reporting order."""
+    """Return one of the questionnaire's tests for each question and comparison, in reporting order."""
     tests = select(analysis.rows, section="questionnaire", test="t_test_people")
     first: dict[tuple[str, str], Result] = {}
     for row in tests:
@@ -229,8 +229,8 @@ def _flagged(analysis: Analysis) -> pl.DataFrame:
 
 
 def _displays(export: Export) -> list[tuple[str, int, int | None, int, int]]:
-    """By condition: timesteps that did not show what the condition requires, those of them in which the server was late
-    (None: an older export), episodes that have any, all episodes."""
+    """Return by condition: timesteps that did not show what the condition requires, those of them in which the server
+    was late (None: an older export), episodes that have any, all episodes."""
     found = []
     for condition in export.conditions:
         episodes = export.episodes.filter(pl.col("condition") == condition)
@@ -287,7 +287,8 @@ def _software(export: Export) -> str:
 
 
 def fingerprint(folder: Path) -> str:
-    """SHA-256 of the tables that were read, in the order of their names: equal data give equal fingerprints."""
+    """Return the SHA-256 of the tables that were read, in the order of their names: equal data give equal
+    fingerprints."""
     digest = hashlib.sha256()
     for name in sorted(COLUMNS):
         path = table_file(folder, name)

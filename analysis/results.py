@@ -57,7 +57,7 @@ COLUMNS = tuple(field.name for field in fields(Result))
 
 
 def write_results(rows: Iterable[Result], path: Path) -> None:
-    """All rows as CSV with a header, numbers with 10 significant digits, nan as an empty cell."""
+    """Write all rows as CSV with a header, numbers with 10 significant digits, nan as an empty cell."""
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(COLUMNS)

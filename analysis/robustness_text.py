@@ -55,7 +55,7 @@ def _models(contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subje
 
 
 def _conclusion(row: Result) -> int:
-    """1 or -1 for a significant difference, 0 for none."""
+    """Return 1 or -1 for a significant difference, 0 for none."""
     return 0 if row.p >= ALPHA else 1 if row.estimate > 0 else -1
 
 

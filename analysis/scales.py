@@ -102,7 +102,7 @@ def scores(export: Export, episodes: pl.DataFrame, used: Mapping[str, Sequence[s
 
 def _is_page_of(questionnaire: str, episodes: Sequence[str]) -> pl.Expr:
     """Return whether an answer is of this questionnaire, about the study or one of the episodes. A page after a round
-    whose partner withdrew names no episode any more, as the round was deleted; it is not about the study."""
+    whose partner withdrew no longer names an episode, as the round was deleted; it is not about the study."""
     step = pl.col("step").cast(pl.String)
     is_after_round = step.str.contains(rf"^{re.escape(questionnaire)}-\d+$")
     return (step == questionnaire) | (is_after_round & pl.col("episode").is_in(episodes).fill_null(value=False))
@@ -155,7 +155,8 @@ def _of_people(chosen: pl.DataFrame) -> dict[str, Values]:
 
 
 def _complete(export: Export, chosen: pl.DataFrame, subscale: Subscale) -> Values:
-    """One row a person with the mean answer to each item, of the people who answered every item: (people, items)."""
+    """Return one row per person with the mean answer to each item, of the people who answered every item: (people,
+    items)."""
     answers = export.all_answers.with_columns(pl.col("step").cast(pl.String))
     answers = answers.join(chosen.select("participant", "step"), on=["participant", "step"], how="semi")
     means = _directed(answers, subscale).group_by("participant", "question").agg(pl.col("value").mean())
@@ -164,7 +165,8 @@ def _complete(export: Export, chosen: pl.DataFrame, subscale: Subscale) -> Value
 
 
 def _reliability(base: Result, answers: Values) -> Iterator[Result]:
-    """Cronbach's alpha; of two items the Spearman-Brown coefficient, as Eisinga et al. (2013) advise."""
+    """Return the row with Cronbach's alpha; for two items with the Spearman-Brown coefficient, as Eisinga et al. (2013)
+    advise."""
     people, items = answers.shape
     if items < 2:
         return

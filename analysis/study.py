@@ -85,7 +85,8 @@ def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, export:
 
 
 def _contrast_of(export: Export, conditions: Sequence[str]) -> tuple[str, str] | None:
-    """None if factors vary within people: conditions are then orders of blocks, which are not the main question."""
+    """Return the main contrast; None if factors vary within people: conditions are then orders of blocks, which are not
+    the main question."""
     return None if factorial_within.within_of(export) else main_contrast(conditions)
 
 
@@ -135,8 +136,8 @@ def analyse(export: Export, options: Options) -> Analysis:
 def design_rows(
     export: Export, episodes: pl.DataFrame, answers: pl.DataFrame, conditions: Sequence[str]
 ) -> list[Result]:
-    """Effects of factors, what was seen of the marks and the kitchen, and how people relied on the marks, where a study
-    varies that."""
+    """Return the effects of factors, what was seen of the marks and the kitchen, and how people relied on the marks,
+    where a study varies that."""
     return [
         *(factorial_within.repeated_rows if factorial_within.within_of(export) else factorial.factorial_rows)(
             export, episodes, answers
@@ -166,7 +167,7 @@ class AnalysisDesign:
 
 
 def reward_rows(episodes: pl.DataFrame, design: AnalysisDesign, options: Options) -> list[Result]:
-    """Means and tests of reward."""
+    """Return means and tests of reward."""
     conditions, layouts, agents = design.conditions, design.layouts, design.agents
     both = [(layout, ALL) for layout in layouts] if len(agents) > 1 else []
     with_total = cells([*layouts, ALL] if len(layouts) > 1 else layouts, agents)
@@ -190,7 +191,7 @@ def reward_tests(episodes: pl.DataFrame, design: AnalysisDesign, draws: int, see
 
 
 def smallest_condition(episodes: pl.DataFrame, conditions: Sequence[str]) -> int:
-    """Participants in the smallest condition."""
+    """Return the number of participants in the smallest condition."""
     people = episodes.unique("participant")["condition"]
     return min((int((people == name).sum()) for name in conditions), default=0)
 
@@ -198,8 +199,8 @@ def smallest_condition(episodes: pl.DataFrame, conditions: Sequence[str]) -> int
 def _powers(
     model: mixed_model.MixedModel, episodes: pl.DataFrame, design: AnalysisDesign, options: Options
 ) -> list[power.Power]:
-    """Power of studies of other sizes in which reward varies as it did in this one; none with blocks, where it would be
-    that of a comparison of their orders (`kitchenmind power` has that of the effects)."""
+    """Return the power of studies of other sizes in which reward varies as it did in this one; none with blocks, where
+    it would be that of a comparison of their orders (`kitchenmind power` has that of the effects)."""
     size = smallest_condition(episodes, design.conditions)
     if design.contrast is None or model.variance is None or model.variance.residual_sd == 0 or size < 2:
         return []

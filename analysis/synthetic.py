@@ -45,7 +45,7 @@ class Truth:
 
 
 def write_export(truth: Truth, folder: Path) -> None:
-    """The simulated study as Parquet files and about.json in `folder`, which is made."""
+    """Write the simulated study as Parquet files and about.json into `folder`, which is created."""
     folder.mkdir(parents=True, exist_ok=True)
     generator = np.random.default_rng(truth.seed)
     participants = _participants(truth)
@@ -81,7 +81,8 @@ def _participants(truth: Truth) -> pl.DataFrame:
 
 
 def _episodes(truth: Truth, participants: pl.DataFrame, generator: np.random.Generator) -> pl.DataFrame:
-    """Everybody plays every layout with every agent: reward = layout + agent + condition + person + noise."""
+    """Return episodes in which everybody plays every layout with every agent: reward = layout + agent + condition +
+    person + noise."""
     rows = []
     for person, condition in participants.select("participant", "condition").iter_rows():
         talent = generator.normal(0, truth.person_sd)
@@ -126,7 +127,7 @@ def _answers(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generato
 
 
 def _ticks(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generator) -> pl.DataFrame:
-    """Actions at random and predictions that are right as often as the truth says."""
+    """Return ticks with random actions and predictions that are right as often as the truth says."""
     games, length = episodes.height, truth.timesteps
     actions = generator.integers(0, ACTIONS, (2, games, length), dtype=np.int8)  # (seats, games, timesteps)
     columns = {

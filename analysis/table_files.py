@@ -111,7 +111,7 @@ def _unreadable(path: Path, types: Mapping[str, type[pl.DataType]], first: int) 
 
 
 def _types(folder: Path, name: str) -> dict[str, type[pl.DataType]]:
-    """Types of the columns by the codebook, for CSV: a column without values does not show its type."""
+    """Return the types of the columns by the codebook, for CSV: a column without values does not show its type."""
     found = dict(_TICK_TYPES) if name == "ticks" else {}
     try:
         book = json.loads((folder / "codebook.json").read_text(encoding="utf-8"))

@@ -180,7 +180,7 @@ def _with_default(table: pl.DataFrame, column: str, value: object) -> pl.DataFra
 
 
 def _episodes(table: pl.DataFrame) -> pl.DataFrame:
-    """Episodes of the plan, with the person and the partner looked up from the seats."""
+    """Return episodes of the plan, with the person and the partner looked up from the seats."""
     partner = pl.col("watched_seat") == 0
     return (
         _with_default(table.filter(pl.col("kind") == "episode"), "excluded", "")
@@ -214,8 +214,8 @@ def _of_own_episodes(answers: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFr
 
 
 def _numbers(table: pl.DataFrame) -> pl.DataFrame:
-    """Answers that were stored as numbers, without attention checks. Free text is left out even where it reads "10" or
-    "nan"."""
+    """Return answers that were stored as numbers, without attention checks. Free text is left out even where it reads
+    "10" or "nan"."""
     table = _with_default(table, "step", "")
     table = _with_default(table, "attention", None).filter(pl.col("attention").is_null())
     numbers = table.filter(pl.col("value_type").cast(pl.String) == "number")
@@ -224,7 +224,7 @@ def _numbers(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
-    """Actions and key times by role."""
+    """Return actions and key times by role."""
     table = table.join(episodes.select("episode", "watched_seat"), on="episode")
     partner = pl.col("watched_seat") == 0
 
@@ -242,7 +242,8 @@ def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
 
 
 def _pauses(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
-    """Pauses of these episodes with `of_person`, and `started_at` as a time, where they have it: in CSV it is text."""
+    """Return pauses of these episodes with `of_person`, and `started_at` as a time, where they have it: in CSV it is
+    text."""
     table = _with_default(table, "seat", None).join(episodes.select("episode", "watched_seat"), on="episode")
     of_partner = pl.col("seat").cast(pl.Int64, strict=False) == pl.col("watched_seat").cast(pl.Int64)
     table = table.with_columns(of_person=~of_partner.fill_null(value=False)).drop("watched_seat")
@@ -262,7 +263,7 @@ def _taken_part(files: list[Path], participants: pl.DataFrame) -> list[Path]:
 def _about(folder: Path, study: str, version: int | None, participants: pl.DataFrame) -> dict[str, Any]:
     """Return what the export has in addition to its tables: about.json, and `title`, `factors` (with levels),
     `left_out` (combinations of levels), `conditions` and `layouts` (names in order) of the chosen version of the study
-    file, else of the newest one under which somebody took part, where it lies in the export."""
+    file, else of the newest one under which somebody took part, if the export contains it."""
     path = folder / "about.json"
     try:
         said = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}

@@ -61,7 +61,7 @@ def state(t: int) -> Any:
 
 @contextlib.contextmanager
 def game_page(chromium: Browser, shown: str, size: ViewportSize) -> Iterator[Page]:
-    """A page with a game that runs until the block ends."""
+    """Yield a page with a game that runs until the block ends."""
     server = FakeGameServer()
     server.welcome = welcome(grid=RINGS, state=state(0), shows_predictions=shown != "nothing")
     page = chromium.new_page(viewport=size)
@@ -80,7 +80,7 @@ def game_page(chromium: Browser, shown: str, size: ViewportSize) -> Iterator[Pag
 
 
 def measure(chromium: Browser, shown: str, seconds: float) -> dict[str, Any]:
-    """One game of so many seconds."""
+    """Measure one game of this many seconds."""
     with game_page(chromium, shown, {"width": 1366, "height": 768}) as page:
         devtools = page.context.new_cdp_session(page)
         devtools.send("Emulation.setCPUThrottlingRate", {"rate": SLOWDOWN})

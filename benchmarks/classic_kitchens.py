@@ -61,7 +61,7 @@ def measured(quick: bool = False) -> dict[str, Any]:
 
 
 def bundled_agents() -> dict[str, str]:
-    """Layout/agent -> sha256, of every agent that is bundled."""
+    """Return layout/agent -> sha256 of every bundled agent."""
     return {
         f"{layout}/{agent}": agent_sha256(agent, load_layout(layout))
         for layout in LAYOUTS
@@ -106,7 +106,7 @@ def _over_seeds(values: Sequence[float]) -> str:
 
 
 def _published(layout: str) -> str:
-    """Over the seeds, of each the mean of both seats."""
+    """Average over the seeds; each seed has the mean of both seats."""
     return _over_seeds([fmean(pair) for pair in zip(*PUBLISHED[layout][1:], strict=True)])
 
 

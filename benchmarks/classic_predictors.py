@@ -73,7 +73,7 @@ def still_right(figures: Mapping[str, Any]) -> tuple[dict[tuple[str, str, str], 
 
 
 def bundled_predictors() -> dict[tuple[str, str, str], Path]:
-    """(layout, agent, form) -> folder of each bundled predictor of these kitchens."""
+    """Return (layout, agent, form) -> folder of each bundled predictor of these kitchens."""
     folders = {cell: WEIGHTS / cell[0] / f"{cell[1]}_predictor_{cell[2]}" for cell in _cells()}
     return {cell: folder for cell, folder in folders.items() if folder.is_dir()}
 
@@ -87,7 +87,8 @@ def _cell(folder: Path) -> tuple[str, str, Path]:
 
 
 def fingerprints() -> dict[str, str]:
-    """Of the weights of every measured predictor, of its agent and of the proxies it was measured with."""
+    """Return hashes of the weights of every measured predictor, of its agent and of the proxies it was measured
+    with."""
     names = {f"{folder.parent.name}/{folder.name}": _weights_sha256(folder) for folder in bundled_predictors().values()}
     agents = sorted(
         {(layout, agent) for layout, agent, _ in bundled_predictors()} | {(name, HUMAN) for name in LAYOUTS}

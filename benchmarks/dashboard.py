@@ -91,7 +91,7 @@ async def sign_in(browser: Browser, url: str, password: str) -> Page:
 
 
 async def open_page(page: Page, url: str, games: int) -> tuple[float, float]:
-    """First paint, and until every game has its card."""
+    """Measure the first paint, and the time until every game has its card."""
     began = time.monotonic()
     await page.goto(f"{url}/admin/s/load", wait_until="commit")
     while await page.locator("#boards li").count() < games:

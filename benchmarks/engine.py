@@ -62,7 +62,7 @@ def measure(layout: Layout, games: int, steps: int) -> dict[str, float]:
 
 
 def first_step_s(layout: str, runs: int) -> float:
-    """Wall time of a fresh process; the first of the runs fills the cache, the best of the others counts."""
+    """Return the wall time of a fresh process; the first of the runs fills the cache, the best of the others counts."""
     times = []
     for _ in range(1 + runs):
         started = time.perf_counter()

@@ -26,7 +26,7 @@ _KEYS = {"participants": ("id", "token_hash"), "episodes": ("id", "participant_0
 
 
 def fill(database: Database, people: int) -> None:
-    """100 people as the store's benchmark makes them, and copies of them with ids of their own."""
+    """Store 100 people as the store's benchmark makes them, and copies of them with ids of their own."""
     fill_study(database)
     for copy in range(1, people // PEOPLE):
         database.write_now(_copy, copy)
@@ -49,7 +49,7 @@ def _copied(table: str, column: str, copy: int) -> str:
 
 
 def measured(people: int, folder: Path) -> dict[str, Any]:
-    """One export."""
+    """Measure one export."""
     url = f"sqlite:///{folder}/{people}.db"
     migrate(url)
     with Database(url) as database:

@@ -101,7 +101,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--quick", action="store_true", help="a short run of every row, some minutes")
+    parser.add_argument("--quick", action="store_true", help="a short run of every row, a few minutes")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--rows", default="", help="only these, separated by commas")
     parser.add_argument("--kills", type=int, help="how many kills in row 1 (1000; quick: 3)")

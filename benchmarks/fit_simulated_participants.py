@@ -168,7 +168,7 @@ def nats(games: Recorded, parameters: Parameters, timesteps: int) -> float:
 def compared(
     parameters: Parameters, games: slice, number: int, seed: int, timesteps: int
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Kitchen -> people and simulated -> facts, with the cross-entropy of what people did."""
+    """Return kitchen -> people and simulated -> facts, with the cross-entropy of what people did."""
     found = {}
     for name in KITCHENS:
         people = recorded(name).some(games)

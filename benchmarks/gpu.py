@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def _agent_rate(layout: Layout, games: int, seconds: float) -> dict[str, Any]:
-    """Timesteps per second of PPO with the paper's CNN, the minibatch grown with the number of games."""
+    """Return timesteps per second of PPO with the paper's CNN, the minibatch grown with the number of games."""
     config = agent_config("cnn")
     size = config.minibatch_size * max(1, games // config.num_envs)
     config = config.model_copy(update={"num_envs": games, "minibatch_size": size})
@@ -77,7 +77,7 @@ def _agent_rate(layout: Layout, games: int, seconds: float) -> dict[str, Any]:
 
 
 def _predictor_rate(layout: Layout, form: str, seconds: float) -> dict[str, Any]:
-    """Updates per second of a predictor's training."""
+    """Return updates per second of a predictor's training."""
     network = PredictorNetwork(layout, PredictorConfig(form=form, eyes="cnn"))
     trainer = PredictorTrainer(
         network, TrainingConfig(), _made_up(network.encoder.size), _made_up(network.encoder.size)
@@ -91,7 +91,7 @@ def _predictor_rate(layout: Layout, form: str, seconds: float) -> dict[str, Any]
 
 
 def _made_up(size: int) -> Episodes:
-    """Games of random features and actions: the cost of an update does not depend on the data."""
+    """Return games of random features and actions: the cost of an update does not depend on the data."""
     random = np.random.default_rng(0)
     return Episodes(
         torch.from_numpy(random.random((_EPISODES, _EPISODE, size), np.float32)).half(),
@@ -103,7 +103,8 @@ def _made_up(size: int) -> Episodes:
 
 
 def _share_of_recipe(figures: dict[str, Any]) -> dict[str, float]:
-    """Hours of the whole published recipe with the CNN everywhere and 100 epochs, and what one hour does of it."""
+    """Return the hours of the whole published recipe with the CNN everywhere and 100 epochs, and what one hour does of
+    it."""
     agents = _KITCHENS * _AGENTS * _TIMESTEPS / figures["agents"]["timesteps_per_s"] / 3600
     window = next(row for row in figures["predictors"] if row["form"] == "window")
     predictors = 2 * _KITCHENS * _UPDATES / window["updates_per_s"] / 3600

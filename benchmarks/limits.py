@@ -36,7 +36,8 @@ Ints = NDArray[np.integer]
 def distribution_ahead(
     kitchens: Kitchens, agents: tuple[LoadedAgent, LoadedAgent], seat: Ints, stuck: Ints, timesteps: int
 ) -> Probabilities:
-    """(games, 6): the first agent's action distribution in `timesteps`, it in `seat` (games,), `stuck` (games, 2)."""
+    """Return the first agent's action distribution in `timesteps`, (games, 6); it is in `seat` (games,), `stuck`
+    (games, 2)."""
     games, seen = np.arange(kitchens.games), kitchens.encode()
     seats = np.stack([seat, 1 - seat])
     own = _distribution(agents[0].policy, agents[0].mode, seen[games, seats[0]], stuck[:, 0])

@@ -82,7 +82,7 @@ def visit(chromium: Browser, url: str) -> tuple[float, int, int]:
 
 
 def round_of(chromium: Browser, server: RealServer) -> dict[str, Any]:
-    """One round with a key every third of a second."""
+    """Play one round with a key every third of a second."""
     page = chromium.new_context(viewport={"width": 1366, "height": 768}).new_page()
     page.add_init_script(WATCH)
     go_to_game(page, server)
@@ -109,7 +109,7 @@ def _p95(values: list[float]) -> int:
 
 
 def command_line() -> dict[str, Any]:
-    """`kitchenmind --help`, in ms: the median of 15."""
+    """Measure `kitchenmind --help` in ms: the median of 15."""
     times = []
     for _ in range(15):
         begin = time.perf_counter()

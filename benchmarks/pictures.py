@@ -31,7 +31,7 @@ TURNS = 3  # of each revision
 
 
 def measured(seconds: float) -> dict[str, float]:
-    """One game with the pages in ROOT."""
+    """Measure one game with the pages in ROOT."""
     with sync_playwright() as playwright:
         executable = installed_chromium()
         chromium = playwright.chromium.launch(executable_path=executable, args=CHROMIUM_ARGUMENTS)

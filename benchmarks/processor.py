@@ -18,7 +18,7 @@ _DECIDING = ("avx2", "avx512f", "avx512_bf16", "amx_bf16", "neon", "asimd", "bf1
 
 
 def described() -> str:
-    """One line for a table of figures, e.g. "AMD EPYC, 2 cores, avx2"."""
+    """Return one line for a table of figures, e.g. "AMD EPYC, 2 cores, avx2"."""
     return ", ".join([_name(), f"{_cores()} cores", *(_features() or ["no features known"]), *_gpu()])
 
 

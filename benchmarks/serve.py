@@ -137,7 +137,7 @@ class LoadPlayer:
 
 
 async def to_the_game(bot: Bot) -> None:
-    """From the consent page to the game, without playing it."""
+    """Go from the consent page to the game, without playing it."""
     page = await bot.consent()
     while not page.is_game:
         page = await bot.submit(page)
@@ -175,7 +175,7 @@ async def measure(server: MeasuredServer, players: list[LoadPlayer], window_s: f
 
 
 def lateness_ms(server: MeasuredServer, last: int) -> "np.ndarray[Any, np.dtype[np.float64]]":
-    """Of the last timesteps of every game, as stored."""
+    """Return the lateness of the last timesteps of every game, as stored."""
     with sqlite3.connect(f"file:{server.database}?mode=ro", uri=True) as database:
         rows = database.execute(
             "select late_ms from ticks join (select episode_id as e, max(timestep) as m from ticks group by episode_id)"

@@ -109,7 +109,7 @@ async def measured(database: Database, what: str, games: int, work: list[list[li
 
 
 def fill_study(database: Database) -> None:
-    """A study of 100 people with 10 episodes each."""
+    """Store a study of 100 people with 10 episodes each."""
 
     def person(connection: Any, study_id: int, number: int) -> None:
         from server.store import ticks

@@ -66,7 +66,7 @@ def _networks() -> list[tuple[str, AgentConfig]]:
 
 
 def _rate(name: str, config: AgentConfig, layout: str, seconds: float) -> dict[str, Any]:
-    """Timesteps per second of CPU: the median iteration, so a busy machine does not count."""
+    """Return timesteps per second of CPU: the median iteration, so a busy machine does not count."""
     grid = load_layout(layout)
     compute, measured = choose_compute(network_config(config), grid)
     trainer = PpoTrainer(config, grid, 0, compute=compute)

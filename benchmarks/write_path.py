@@ -33,7 +33,7 @@ SLOTS = 20  # a process commits in so many parts of a tick
 
 
 def games_of(database: Database, count: int) -> dict[str, int]:
-    """New games and the fences with which they are owned."""
+    """Return new games and the fences with which they are owned."""
     new = episodes.NewEpisode(SPEC, "episode-01")
 
     def make(connection: Any) -> dict[str, int]:

@@ -12,7 +12,7 @@ from server.store.tables import metadata
 
 
 def plain_types(kind: str, thing: object, _: object) -> str | Literal[False]:
-    """Revisions name the database's own types, so that they never change with our code."""
+    """Name the database's own types in revisions, so that they never change with our code."""
     return "sa.DateTime(timezone=True)" if kind == "type" and isinstance(thing, UtcDateTime) else False
 
 

@@ -28,7 +28,8 @@ def distribution(probabilities: Probabilities, stuck: NDArray[np.integer], mode:
 
 
 def draw(action_distribution: Probabilities, uniform: NDArray[np.floating]) -> NDArray[np.int8]:
-    """Actions (games,) by inverse transform of `uniform` (games,) in [0, 1): the same number gives the same action."""
+    """Return actions (games,) drawn by inverse transform of `uniform` (games,) in [0, 1): the same number gives the
+    same action."""
     reached = np.cumsum(action_distribution, axis=1, dtype=np.float64)
     # rounding must not leave the last action out
     threshold = np.asarray(uniform, np.float64)[:, None] * reached[:, -1:]

@@ -202,7 +202,7 @@ def _cell_problems(
         yield LayoutError(source, "the border is open here", "Close it with X or a station.", **place)
     if tile in "12":
         if tile in starts:
-            yield LayoutError(source, f"player {tile} starts twice", "Leave one of the two digits.", **place)
+            yield LayoutError(source, f"player {tile} starts twice", "Keep only one of the two digits.", **place)
         starts.add(tile)
 
 

@@ -111,7 +111,7 @@ def _dictionary(text: str, source: str) -> dict[Any, Any]:
         reason, row = f"this is not a readable dictionary ({error})", getattr(error, "lineno", None)
         raise LayoutError(source, reason, "Check quotes, commas and brackets.", row) from None
     if len(settings) != len(tree.keys):
-        raise LayoutError(source, "a key is there twice in the dictionary", "Leave one of the two.")
+        raise LayoutError(source, "a key occurs twice in the dictionary", "Keep only one of the two.")
     return settings
 
 

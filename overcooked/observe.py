@@ -35,8 +35,8 @@ from overcooked.planes import (
 )
 
 URGENT_TIMESTEPS = 40
-# Unsigned, as they are added to unsigned cells: numba makes a float of a sum of uint64 and int64. And an unsigned index
-# is not looked at for being negative.
+# Unsigned, as they are added to unsigned cells: numba turns a sum of uint64 and int64 into a float. It also skips the
+# check for a negative index if the index is unsigned.
 _ME, _OTHER, _URGENT = np.uint64(ME), np.uint64(OTHER), np.uint64(URGENT)
 _MY_FACING, _OTHER_FACING = np.uint64(MY_FACING), np.uint64(OTHER_FACING)
 
@@ -75,7 +75,7 @@ def _draw(out, cell, planes):
 
 @inlined_kernel
 def _draw_contents(cells, planes, contents, game, out, first, second):
-    """Write what lies in these cells, which is read once, into both views. An empty cell costs less than a branch."""
+    """Write the contents of these cells into both views. Writing an empty cell costs less than a branch."""
     for k in range(cells.shape[0]):
         x, y = np.uint64(cells[k, 0]), np.uint64(cells[k, 1])
         cell = _cell(x, y, contents)

@@ -76,9 +76,9 @@ def read_episodes(path: Path) -> Iterator[RecordedEpisode]:
                 yield episode
                 count += 1
         except (EOFError, zlib.error) as error:
-            raise ReplayError(f"{path}: this file is not whole ({error}). Copy it again.") from None
+            raise ReplayError(f"{path}: the file is incomplete or damaged ({error}). Copy it again.") from None
     if not count:
-        raise ReplayError(f"{path}: there are no episodes in this file. Give a file with recorded games.")
+        raise ReplayError(f"{path}: the file has no episodes. Give a file with recorded games.")
 
 
 def episodes_in(file: BufferedIOBase, name: str) -> Iterator[RecordedEpisode]:

@@ -55,7 +55,8 @@ __all__ = ["step", "step_game"]
 
 @inlined_kernel
 def _pots_at_start(pots, contents):
-    """(wanting a dish, full): pots with 1-2 onions, cooking or ready; pots with three onions, cooking or ready.
+    """Count the pots that want a dish (with 1-2 onions, cooking or ready) and the full pots (three onions, cooking or
+    ready).
 
     [get_pot_states] counted once, before either chef acts: as in overcooked_ai, the dish rule uses this stale count.
     """
@@ -80,7 +81,7 @@ def _dish_lies_on_counter(counters, contents):
 
 @inlined_kernel
 def _use_counter(players, contents, me, x, y, wants_onions, full):
-    """Put down what chef `me` holds, or pick up what lies on the counter; return the events."""
+    """Put down what chef `me` holds, or pick up what is on the counter; return the events."""
     held = players[me, HELD]
     inside = contents[x, y]
     if held != NOTHING and inside == NOTHING:

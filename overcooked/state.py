@@ -39,7 +39,8 @@ class Kitchens:
 
     @classmethod
     def start(cls, layout: Layout, games: int = 1) -> "Kitchens":
-        """Fixed start positions, facing north, empty hands, empty pots, timestep 0. [get_standard_start_state]"""
+        """Return games in the standard start state: fixed positions, facing north, empty hands and pots, timestep 0.
+        [get_standard_start_state]"""
         players = np.zeros((games, PLAYERS, 4), np.int8)
         players[:, :, :2] = layout.starts
         contents = np.zeros((games, layout.width, layout.height), np.int8)
@@ -73,7 +74,7 @@ class Kitchens:
         return Kitchens(self.layout, self.players.copy(), self.contents.copy(), self.timestep.copy())
 
     def hash(self, game: int = 0) -> str:
-        """16 hexadecimal digits, the same on every machine, see `state_hash`."""
+        """Return 16 hexadecimal digits, the same on every machine, see `state_hash`."""
         now = int(self.timestep[game])
         return state_hash(self.layout, now, self.players[game].tobytes(), self.contents[game].tobytes())
 
@@ -124,7 +125,7 @@ class Kitchens:
 
 
 def state_hash(layout: Layout, timestep: int, players: bytes, contents: bytes) -> str:
-    """16 hexadecimal digits, the same on every machine.
+    """Return 16 hexadecimal digits, the same on every machine.
 
     BLAKE2b-64 of the layout's hash, the timestep (int32, little endian), the players' rows and the contents [x][y]
     (int8).

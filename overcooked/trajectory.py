@@ -149,7 +149,7 @@ def _checked_episode(states: list[Any], actions: list[Any], parameters: dict[str
         if parameters.get(rule, value) != value:
             raise TrajectoryError(f"{rule} is {parameters[rule]!r:.40} there and {value} in these rules")
     if len(states) != len(actions):
-        raise TrajectoryError(f"there are {len(states)} states and {len(actions)} joint actions; it needs one for each")
+        raise TrajectoryError(f"there are {len(states)} states and {len(actions)} joint actions; each state needs one")
     joint_actions = [[_action(action) for action in joint_action] for joint_action in actions]
     if any(len(joint_action) != PLAYERS for joint_action in joint_actions):
         raise TrajectoryError(f"this kitchen has {PLAYERS} chefs")
@@ -184,7 +184,8 @@ def _action(action: Any) -> int:
 
 
 def _onions_and_tick(soup: dict[str, Any]) -> tuple[int, int]:
-    """Onions and cooking tick (-1: not cooking) of a soup; in the older form its state is [kind, onions, tick]."""
+    """Return the onions and the cooking tick (-1: not cooking) of a soup; in the older form its state is [kind, onions,
+    tick]."""
     if "_ingredients" in soup:
         return len(soup["_ingredients"]), soup["_cooking_tick"]
     kind, onions, tick = soup["state"]

@@ -139,7 +139,8 @@ class VectorEnv:
 
 
 def _walkable_cells(layout: Layout) -> NDArray[np.int8]:
-    """(2, cells, 2): the cells that each chef can walk to from its start; the shorter list is repeated in a cycle."""
+    """Return the cells that each chef can walk to from its start, (2, cells, 2); the shorter list is repeated in a
+    cycle."""
     lists = [_walkable_from(layout, int(x), int(y)) for x, y in layout.starts]
     longest = max(len(cells) for cells in lists)
     return np.array([[cells[k % len(cells)] for k in range(longest)] for cells in lists], np.int8)

@@ -73,7 +73,7 @@ def _secret(settings: Settings) -> Iterator[HealthFinding]:
         yield HealthFinding("secret", "bad", f"{path} can be read by others. Run `chmod 600 {path}`.")
     else:
         is_there = path.is_file() and path.stat().st_size > 0
-        yield HealthFinding("secret", "good", f"{'kept in' if is_there else 'will be made in'} {path}")
+        yield HealthFinding("secret", "good", f"{'kept in' if is_there else 'will be created in'} {path}")
 
 
 def _port(settings: Settings) -> Iterator[HealthFinding]:
@@ -111,7 +111,7 @@ def _database(settings: Settings) -> Iterator[HealthFinding]:
     if url.get_backend_name() == "sqlite" and not Path(str(url.database)).exists():
         place = _nearest(Path(str(url.database)))
         if place.is_dir() and os.access(place, os.W_OK):
-            yield HealthFinding("database", "good", f"{url.database} will be made")
+            yield HealthFinding("database", "good", f"{url.database} will be created")
         else:
             yield HealthFinding(
                 "database", "bad", f"{place} cannot be written to. Use another path, or its owner's account."
@@ -128,7 +128,7 @@ def _database(settings: Settings) -> Iterator[HealthFinding]:
     if problem:
         yield HealthFinding("database", "bad", problem)
     elif empty:
-        yield HealthFinding("database", "good", f"{shown} is empty: tables will be made")
+        yield HealthFinding("database", "good", f"{shown} is empty: tables will be created")
     elif revision is None:
         yield HealthFinding("database", "bad", f"{shown} is not a kitchenmind database. Name another with --database.")
     elif revision not in known_revisions():
@@ -140,7 +140,7 @@ def _database(settings: Settings) -> Iterator[HealthFinding]:
             "database", "look", f"{shown} is of an earlier version and will be upgraded. Make a backup first."
         )
     else:
-        yield HealthFinding("database", "good", f"{shown} is there and up to date")
+        yield HealthFinding("database", "good", f"{shown} exists and is up to date")
 
 
 def _redis(settings: Settings) -> Iterator[HealthFinding]:

@@ -99,8 +99,8 @@ def _csrf(settings: Settings) -> CsrfProtection:
 async def wired(
     app: FastAPI, settings: Settings, ahead: Launched | None = None, joins: bool = False
 ) -> AsyncIterator[None]:
-    """The application with all its parts running, as long as the context lasts. `ahead`: a model worker's process,
-    launched already. `joins`: other processes of this server run already.
+    """Run the application with all its parts, as long as the context lasts. `ahead`: a model worker's process, launched
+    already. `joins`: other processes of this server run already.
 
     Raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew."""
     files, csrf = playable_studies(settings), _csrf(settings)

@@ -1,11 +1,11 @@
 """Changes that the study builder offers where a kitchen has no trained models: scripted ones that play everywhere."""
 
 from models.agents.blackbox import is_foreign
+from server.prediction_warnings import is_for_grid
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels
 from server.study.checks import Path
 from server.study.definition import PartnerSettings, Study
 from server.study.quick_fixes import QuickFix, leave_out, write
-from server.study_doubts import is_for_grid
 
 _SCRIPTED = PartnerSettings(name="planner", predictor="random")
 

@@ -8,7 +8,7 @@ from server.required_models import required_models
 from server.settings import Settings
 from server.store import kitchens
 from server.study.loader import StudyError, StudyFile
-from server.study.own_languages import LanguageError, use_languages_beside
+from server.study.own_languages import LanguageError, use_languages_next_to
 from server.study_check import missing_problems
 
 log = logging.getLogger(__name__)
@@ -19,7 +19,7 @@ def playable_studies(settings: Settings) -> list[StudyFile]:
     folder. Raises StudyError for an invalid file or a missing agent or predictor; if there are several studies in local
     mode, those without their models are left out instead."""
     try:
-        use_languages_beside(settings.data)
+        use_languages_next_to(settings.data)
     except LanguageError as error:
         raise StudyError(error.lines) from None
     served, reasons = [], []

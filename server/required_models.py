@@ -67,7 +67,7 @@ class RequiredModels:
         return self.own is not None and self.own.find(layout, name, pin) is not None
 
     def _no_such(self, layout: str, name: str) -> str:
-        """Say that a kitchen has no trained model of this name, or why the one that is there is not it."""
+        """Say that a kitchen has no trained model of this name, or why the existing one is another one."""
         if self.own is not None and (layout, name) in self.pins:
             found = self.own.find(layout, name)
             place = self.own.root / layout
@@ -131,7 +131,7 @@ def _checkpoints(files: list[StudyFile], own: OwnCheckpoints, pins: Mapping[Name
 
 
 def _paths(files: list[StudyFile], own: OwnCheckpoints | None, pins: Mapping[Name, str]) -> ModelPaths:
-    """Relative paths count from the folder of the study file."""
+    """Return the paths of the models. Relative ones start from the folder of the study file."""
     found: dict[str, str] = {}
     for file in files:
         for _, model in sorted(set().union(*models_of(file.study))):

@@ -134,8 +134,8 @@ class Settings(BaseSettings):
         if self.public_url and (found is None or int(found["port"] or 443) > 65535):
             raise ValueError(
                 "KITCHENMIND_PUBLIC_URL must be an address like https://lab.example.org, https://lab.example.org:8443 "
-                "or https://lab.example.org/kitchen: no user, other letters in xn-- form, and in a path "
-                "letters, digits, - and _ only"
+                "or https://lab.example.org/kitchen: no user name, only letters, digits, - and _ in a path, and "
+                "other letters of a host name in their xn-- form"
             )
         if self.metrics_token is not None and not self.metrics_token.get_secret_value():
             raise ValueError(f"KITCHENMIND_METRICS_TOKEN is empty. Leave it out, or make one with {_MAKE_ONE}")

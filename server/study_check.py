@@ -11,12 +11,7 @@ from models.agents.model_paths import is_class, without_variant
 from overcooked.layout import Layout, LayoutError, bundled_grid
 from server.model_fixes import comes_with_its_agent, is_from_outside, model_fix, trained_names
 from server.participation.episode_specs import layout_of, models_of, predictor_of
-from server.required_models import WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
-from server.study.checks import Path, Problem, capitalised
-from server.study.definition import KitchenChoice, PartnerSettings, Study
-from server.study.factor_checks import in_factors
-from server.study.loader import StudyFile
-from server.study_doubts import (
+from server.prediction_warnings import (
     agent_words,
     commands_for,
     config_of,
@@ -25,6 +20,11 @@ from server.study_doubts import (
     shown_words,
     training_words,
 )
+from server.required_models import WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
+from server.study.checks import Path, Problem, capitalised
+from server.study.definition import KitchenChoice, PartnerSettings, Study
+from server.study.factor_checks import in_factors
+from server.study.loader import StudyFile
 
 
 def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
@@ -53,8 +53,8 @@ def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
 
 
 def _variant_problems(study: Study) -> Iterator[Problem]:
-    """Predictors written with a variant: `sp_predictor_stream@60` would silently be degraded in conditions that show
-    the predictor itself."""
+    """Yield predictors written with a variant: `sp_predictor_stream@60` would silently be degraded in conditions that
+    show the predictor itself."""
     places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
     places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
     for place, agent in places:

@@ -74,7 +74,7 @@ def _compare_ticks(simulation: Simulation, stored: list[TickRecord]) -> tuple[st
 
 
 def _compare_end(simulation: Simulation, record: EpisodeRecord, ended: StoredEpisode) -> tuple[str, int] | None:
-    """Only for what has ended: a running episode has no score yet."""
+    """Compare the end, if there is one: a running episode has no score yet."""
     if ended.status not in ("done", "aborted"):
         return None
     simulated = {

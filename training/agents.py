@@ -107,7 +107,7 @@ def publish(folder: Path, target: Path, name: str, figures: Mapping[str, Any]) -
     lines = checkpoint.card.splitlines()
     lines[0] = f"# {name}: an agent for {layout.name}"
     last = next(number for number, line in enumerate(lines) if line.startswith("| training reward"))
-    rows = [f"| {key.replace('_', ' ')} | {_written(value)} |" for key, value in figures.items()]
+    rows = [f"| {key.replace('_', ' ')} | {_formatted(value)} |" for key, value in figures.items()]
     text = "\n".join([*lines[: last + 1], *rows, *lines[last + 1 :]])
     mode = Mode(**checkpoint.config["mode"])
     return save_agent(target, network, config, layout, mode, text, agent=name, **facts, measured=dict(figures))
@@ -131,7 +131,7 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         "",
         "| fact | value |",
         "|---|---|",
-        *(f"| {key.replace('_', ' ')} | {_written(value)} |" for key, value in facts.items()),
+        *(f"| {key.replace('_', ' ')} | {_formatted(value)} |" for key, value in facts.items()),
         f"| environment timesteps of the run | {config.total_timesteps:,} |",
         f"| training time{'' if used_a_gpu else ', one core'} | {folder.seconds():.0f} s |",
         f"| computed with | {folder.compute()} |",
@@ -151,10 +151,10 @@ def _beginning(config: AgentConfig) -> list[str]:
     return [f"It began with {config.imitation_updates} gradient steps towards what the scripted planner does."]
 
 
-def _written(value: Any) -> str:
+def _formatted(value: Any) -> str:
     """Format a figure; a mean with its standard error."""
     if isinstance(value, dict) and set(value) == {"mean", "se"}:
         return f"{value['mean']} ± {value['se']}"
     if isinstance(value, dict):
-        return "; ".join(f"{key}: {_written(item)}" for key, item in value.items())
+        return "; ".join(f"{key}: {_formatted(item)}" for key, item in value.items())
     return str(value)

@@ -28,7 +28,7 @@ def choose_sp(work: Work, layout: Layout) -> None:
     entries = {name: measured(layout, "sp", EvaluatedAgent(_policy(folder), PEOPLE), ()) for name, folder in runs}
     scores = {name: {"self_play": entry["self_play"]["mean"]} for name, entry in entries.items()}
     best = max(scores, key=lambda name: scores[name]["self_play"])
-    _leave(work, best, entries[best], scores)
+    _write_choice(work, best, entries[best], scores)
 
 
 def choose_fcp(work: Work, layout: Layout) -> None:
@@ -46,7 +46,7 @@ def choose_fcp(work: Work, layout: Layout) -> None:
     }
     scores = {name: {key: entry[key]["mean"] for key in ("self_play", "held_out")} for name, entry in entries.items()}
     best = best_fcp(scores, decision["measured"]["self_play"]["mean"])
-    _leave(work, best, entries[best], scores)
+    _write_choice(work, best, entries[best], scores)
 
 
 def best_fcp(scores: Mapping[str, Mapping[str, float]], of_sp: float) -> str:
@@ -133,7 +133,7 @@ def _seed(name: str) -> int:
     return int(name.rpartition("_")[2])
 
 
-def _leave(work: Work, best: str, entry: Mapping[str, Any], scores: Mapping[str, Any]) -> None:
+def _write_choice(work: Work, best: str, entry: Mapping[str, Any], scores: Mapping[str, Any]) -> None:
     """Write the chosen agent to <folder>/agent with its figures, and the decision next to it."""
     figures = {key: entry[key] for key in ("self_play", "held_out", "episodes") if key in entry}
     publish(work.inputs[best] / "100", work.folder / "agent", entry["agent"], {**figures, "candidates": dict(scores)})

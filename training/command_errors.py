@@ -1,7 +1,7 @@
 """What a command of `training` says about an error that stops it."""
 
 
-def told(error: Exception) -> str:
+def error_message(error: Exception) -> str:
     """Return the message of an error. An error of the operating system, such as a full disk, gets place and remedy."""
     if not isinstance(error, OSError) or error.errno is None:  # our own have both
         return str(error)

@@ -33,18 +33,18 @@ class Episodes:
         return len(self.own)
 
     def labels(self) -> NDArray[np.int64]:
-        """(E, T, 3): the target's next actions, starting with the one in the state; NONE beyond the end."""
+        """Return the target's next actions, (E, T, 3), starting with the one in the state; NONE beyond the end."""
         return _coming(self.own)
 
     def partner_labels(self) -> NDArray[np.int64]:
-        """(E, T, 3): the same of the partner, derived from the next state."""
+        """Return the partner's next actions in the same form, derived from the next state."""
         partner = np.full_like(self.own, NONE)
         partner[:, :-1] = self.before[:, 1:, 1]
         return _coming(partner)
 
 
 def _coming(actions: NDArray[np.int8]) -> NDArray[np.int64]:
-    """Actions (E, T) to the next three of each timestep, (E, T, 3)."""
+    """Map actions (E, T) to the next three of each timestep, (E, T, 3)."""
     labels = np.full((*actions.shape, STEPS), NONE, np.int64)
     for step in range(STEPS):
         labels[:, : actions.shape[1] - step, step] = actions[:, step:]
@@ -87,7 +87,7 @@ def episodes_of(shard: Shard, layout: Layout, encoder: Encoder) -> Episodes:
 
 @torch.inference_mode()
 def _features(cut: Shard, seat: NDArray[np.int8], layout: Layout, encoder: Encoder) -> torch.Tensor:
-    """(E, T, size) float16."""
+    """Return the encoder's features, (E, T, size) float16."""
     episodes, timesteps = cut["timestep"].shape
     seats = np.repeat(seat, timesteps)
     players = cut["players"].reshape(-1, PLAYERS, 4)

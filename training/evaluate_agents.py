@@ -36,7 +36,7 @@ class PlayedGames:
 def play(
     layout: Layout, players: Sequence[EvaluatedAgent], games: int, seed: int, horizon: int = HORIZON
 ) -> PlayedGames:
-    """`games` episodes of one pair from the standard start; `players` in the order of the seats."""
+    """Play `games` episodes of one pair from the standard start; `players` are in the order of the seats."""
     random = np.random.default_rng(seed)
     env = VectorEnv(layout, games, horizon=horizon + 1)  # never reset within: the last state stays
     observations = np.zeros((games, *env.observation_shape), np.int8)
@@ -101,8 +101,8 @@ def measured(
     episodes: int = 40,
     timesteps: int = HORIZON,
 ) -> dict[str, Any]:
-    """One entry of `kitchenmind evaluate agents --json`: self-play over episodes, held-out over partners (with each of
-    them at most 8 episodes a seat and mode)."""
+    """Return one entry of `kitchenmind evaluate agents --json`: self-play over episodes, held-out over partners (with
+    each of them at most 8 episodes a seat and mode)."""
     own = with_itself(layout, player, episodes, timesteps=timesteps).scores
     entry: dict[str, Any] = {"layout": layout.name, "agent": name, "self_play": _mean_se(own)}
     if partners:
@@ -114,9 +114,9 @@ def measured(
 def measured_with(
     layout: Layout, name: str, player: EvaluatedAgent, partner: str, other: EvaluatedAgent, games: tuple[int, int]
 ) -> dict[str, Any]:
-    """One entry of `kitchenmind evaluate agents --partner ... --json`: self-play, and points with one partner, who acts
-    as its card says, in both seats (first the entry in which the agent is chef 1). `games`: episodes a seat, and
-    timesteps of each."""
+    """Return one entry of `kitchenmind evaluate agents --partner ... --json`: self-play, and points with one partner,
+    who acts as its card says, in both seats (first the entry in which the agent is chef 1). `games`: episodes a seat,
+    and timesteps of each."""
     episodes, timesteps = games
     own = with_itself(layout, player, episodes, timesteps=timesteps).scores
     seats = [

@@ -124,7 +124,7 @@ def evaluate(network: PredictorNetwork, episodes: Episodes, frequent_action: int
 
 
 def calibration_error(confidence: NDArray[np.floating[Any]], right: NDArray[np.bool_]) -> float:
-    """Expected calibration error: how far confidence and accuracy are apart, over bins of equal width."""
+    """Return the expected calibration error: how far confidence and accuracy are apart, over bins of equal width."""
     bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
     counts = np.bincount(bins, minlength=BINS)
     gaps = np.abs(np.bincount(bins, confidence, BINS) - np.bincount(bins, right, BINS))

@@ -265,7 +265,7 @@ def _chosen(config: NetworkConfig, grid: str, wanted: Request) -> tuple[Compute,
 
 
 def _learning(network: Network, layout: Layout, compute: Compute) -> Callable[[], object]:
-    """One forward and backward pass on made-up observations, as sparse as real ones."""
+    """Return a function that does one forward and backward pass on made-up observations, as sparse as real ones."""
     path = fast_path(network, layout, compute)
     random = np.random.default_rng(0)
     entries = (random.random((_MEASURED_ROWS, len(path.columns))) < _SET_ENTRIES / len(path.columns)).astype(np.int8)

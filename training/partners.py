@@ -73,7 +73,7 @@ class _Stack:
 
 
 def _stacked(layers: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> tuple[torch.Tensor, torch.Tensor]:
-    """Weights (networks, inputs, outputs) and biases (networks, 1, outputs)."""
+    """Return the stacked weights (networks, inputs, outputs) and biases (networks, 1, outputs)."""
     weights = torch.stack([weight.detach().t() for weight, _ in layers]).contiguous()
     return weights, torch.stack([bias.detach()[None] for _, bias in layers]).contiguous()
 

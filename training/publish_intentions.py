@@ -115,9 +115,9 @@ def figures(measured: Mapping[str, Any]) -> list[str]:
     return [
         HEADING,
         "",
-        "Says the agent's next interaction within 20 timesteps (4 s), or none, by one more decoder on the tokens",
-        "of all layers. It changed nothing else of the predictor. On the same unseen partners, accuracy in % that",
-        "long before the interaction is done:",
+        "A separate decoder on the tokens of all layers predicts the agent's next interaction within 20 timesteps",
+        "(4 s), or none. The rest of the predictor is unchanged. Accuracy in % with the same unseen partners, by the",
+        "time before the interaction:",
         "",
         f"| before | {' | '.join(columns.values())} |",
         f"|---|{'---|' * len(columns)}",

@@ -106,7 +106,7 @@ def partners_met(manifest: Mapping[str, Any]) -> dict[str, str]:
     for name, facts in manifest["shards"].items():
         if facts["kind"] == "extra":
             word = name.removeprefix("extra_").partition("_")[0] if name.startswith("extra_") else "noisy or scripted"
-            extras[{"human": "clones of people", "crowd": "auxiliary"}.get(word, word)] += 1
+            extras[{"human": "behaviour-cloned humans", "crowd": "auxiliary"}.get(word, word)] += 1
         else:
             by_split[facts["split"]].add(facts["agent"])
     names = {split: ", ".join(sorted(agents)) for split, agents in by_split.items()}

@@ -19,7 +19,7 @@ class Entries:
         self._device = self._host if device == "cpu" else torch.zeros(shape, dtype=torch.int8, device=device)
 
     def on_device(self, timestep: int) -> Tensor:
-        """One timestep's (rows, columns), where the network is."""
+        """Return one timestep's (rows, columns), where the network is."""
         here = self._device[timestep]
         if self._device is not self._host:
             here.copy_(self._host[timestep], non_blocking=True)

@@ -127,7 +127,7 @@ class PredictorTrainer:
             loss = loss + config.partner_weight * _cross_entropy(self._of_partner(self.network.norm(tokens)), partner)
         return loss
 
-    def look(self) -> Evaluation:
+    def validate(self) -> Evaluation:
         """Validate the averaged weights and remember them if they are the best."""
         current = {name: value.clone() for name, value in self._learned().items()}
         self._load(self.average)
@@ -194,7 +194,7 @@ class PredictorTrainer:
 
 
 def _cross_entropy(logit_values: Tensor, labels: Tensor) -> Tensor:
-    """Summed over the three steps: logits of (..., 3, 6), labels (..., 3)."""
+    """Return the cross-entropy summed over the three steps: logits (..., 3, 6), labels (..., 3)."""
     return functional.cross_entropy(logit_values.float().view(-1, ACTIONS), labels.flatten(), ignore_index=NONE) * STEPS
 
 
@@ -261,7 +261,7 @@ def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Prog
                 folder.save(*trainer.state())
                 raise TimeoutError(over)
             continue
-        result = trainer.look()
+        result = trainer.validate()
         line = {
             "timesteps": trainer.update, "loss": float(np.mean(losses)), "validation_loss": result.loss,
             "accuracy": result.accuracy.mean, **{f"step{k + 1}": v for k, v in enumerate(result.accuracy.steps)},
@@ -280,6 +280,6 @@ def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Prog
 def usable(trainer: PredictorTrainer) -> PredictorNetwork:
     """Return the calibrated best network so far of a training that was stopped. Do not continue to train it."""
     if not trainer.best_accuracy:  # no validation was made yet
-        trainer.look()
+        trainer.validate()
     trainer.use_best()
     return trainer.network

@@ -126,7 +126,7 @@ def _curve(design: "PowerDesign", plan: StudyPlan, participants: int, arguments:
 def _primary_lines(
     design: "PowerDesign", plan: StudyPlan, participants: int, arguments: argparse.Namespace
 ) -> Iterator[str]:
-    """A sentence for every effect on the declared primary test."""
+    """Yield a sentence for every effect on the declared primary test."""
     from analysis import primary_power
     from analysis.declared import REWARD
 
@@ -153,7 +153,7 @@ def _primary_lines(
 def _factor_lines(
     design: "PowerDesign", plan: StudyPlan, participants: int, arguments: argparse.Namespace
 ) -> Iterator[str]:
-    """A sentence for each effect of the factors and each size."""
+    """Yield a sentence for each effect of the factors and each size."""
     from analysis import factorial_power
 
     if plan.left_out:

@@ -92,7 +92,7 @@ class ForesightSummary:
         return {figure: float(self.of(cell, figure).mean()) for figure in figures}
 
     def _row(self, layout: str, agent: str) -> dict[str, Any]:
-        """One kitchen with one agent."""
+        """Return the row of one kitchen with one agent."""
         row: dict[str, Any] = {"layout": layout, "agent": agent}
         played_here = [
             cell for kind in (NONE, RANDOM, TOM, TRUE) if (cell := Cell(layout, agent, kind)).name in self._found

@@ -93,7 +93,7 @@ def _number(row: Mapping[str, Any], shown: str, figure: str, how: str) -> str:
 
 
 def _fit_tables(fit: Mapping[str, Any]) -> list[str]:
-    """Simulated pairs against recorded pairs of people."""
+    """Compare simulated pairs with recorded pairs of people."""
     head = ["kitchen", "games", "no key", "interactions", "collisions", "soups", "cross-entropy (nats)"]
     rows = []
     for part in ("fitted games", "held-out games"):

@@ -186,7 +186,7 @@ def _answers(case: Case, episodes: pl.DataFrame, generator: np.random.Generator)
 
 
 def _ticks(episodes: pl.DataFrame, generator: np.random.Generator) -> pl.DataFrame:
-    """Actions at random; as few timesteps as let the rules of quality flag some episodes."""
+    """Return ticks with random actions; as few timesteps as let the rules of quality flag some episodes."""
     length = 20
     count = episodes.height * length
     idle = np.repeat(generator.random(episodes.height) < 0.06, length)

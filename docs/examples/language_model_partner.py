@@ -53,7 +53,7 @@ class LanguageModelPartner:
         self.plans = OrderedDict()  # situation -> goal
         self.latest = {}  # what is held -> the last goal that the model chose for it
         self.failures = 0
-        self._wanted = None  # the newest situation without a plan: older ones are not worth asking about any more
+        self._wanted = None  # the newest situation without a plan: older ones are no longer worth asking about
         self._news = threading.Condition()
         self._http = httpx.Client(timeout=ANSWER_TIMEOUT_S)
         self._is_closed = False

@@ -1,4 +1,4 @@
-"""One participant's sockets for the checks of `kitchenmind conformance`: expect a message within some seconds."""
+"""One participant's sockets for the checks of `kitchenmind conformance`: expect a message within a few seconds."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -32,7 +32,7 @@ class CheckedSockets:
 
     @asynccontextmanager
     async def welcomed(self) -> AsyncIterator[tuple[ClientConnection, messages.Welcome]]:
-        """A game socket after hello and welcome."""
+        """Return a game socket after hello and welcome."""
         async with self.game() as socket:
             await send(socket, hello())
             yield socket, await self.until(socket, messages.Welcome)

@@ -17,7 +17,7 @@ from overcooked.layout import Layout
 
 # its probabilities are used as they are: a deterministic agent gives a 1
 AS_IT_SAYS = Mode(temperature=1.0, stuck_mix=0.0)
-_WHERE = "Write package.module:Class. It is looked for in the study's and the current folder and in PYTHONPATH."
+_WHERE = "Write package.module:Class. Modules are searched for in the study's and the current folder and in PYTHONPATH."
 
 
 def is_foreign(name: str) -> bool:
@@ -52,7 +52,7 @@ def load_foreign_predictor(name: str, layout: Layout) -> Predictor:
     if name.endswith(".onnx"):
         return OnnxPredictor(name, layout)
     if name.startswith(("http://", "https://")):
-        raise BlackBoxError(f"{name}: a predictor cannot be asked over HTTP. Give an ONNX file or module:Class.")
+        raise BlackBoxError(f"{name}: a predictor cannot be used over HTTP. Give an ONNX file or module:Class.")
     return cast(Predictor, _python_object(name, layout, "predict"))
 
 
@@ -72,7 +72,7 @@ def _class(name: str) -> Callable[[Layout], Any]:
     """Import what `module:Class` names. Raises BlackBoxError."""
     module_name, _, class_name = name.partition(":")
     if not module_name or not class_name:
-        raise BlackBoxError(f"{name} is not there. {_WHERE}")
+        raise BlackBoxError(f"{name} was not found. {_WHERE}")
     make_importable(())
     try:
         module = importlib.import_module(module_name)
@@ -80,17 +80,17 @@ def _class(name: str) -> Callable[[Layout], Any]:
         if error.name is not None and not f"{module_name}.".startswith(f"{error.name}."):
             remedy = f"Install it for {sys.executable}."
             raise BlackBoxError(f"{name} needs the Python package {error.name}. {remedy}") from error
-        raise BlackBoxError(f"{name} is not there ({error}). {_WHERE}") from error
+        raise BlackBoxError(f"{name} was not found ({error}). {_WHERE}") from error
     except (Exception, SystemExit) as error:
         raise _not_importable(name, error) from error
     try:
         return cast(Callable[[Layout], Any], getattr(module, class_name))
     except AttributeError as error:
-        raise BlackBoxError(f"{name} is not there ({error}). {_WHERE}") from error
+        raise BlackBoxError(f"{name} was not found ({error}). {_WHERE}") from error
 
 
 def _not_importable(name: str, error: BaseException) -> BlackBoxError:
     remedy = "Correct its code."
     if isinstance(error, SystemExit):
-        remedy = 'Put what it does as a program under `if __name__ == "__main__":`.'
+        remedy = 'Move the code that runs as a program under `if __name__ == "__main__":`.'
     return BlackBoxError(f"{name} cannot be imported: {explained(error)}. {remedy}")

@@ -46,11 +46,11 @@ def located(name: str, folder: Path) -> str:
     base = without_variant(name)
     if ":" in base:
         return name
-    is_path = "/" in base or base.endswith(".onnx") or _is_checkpoint_beside(base, folder)
+    is_path = "/" in base or base.endswith(".onnx") or _is_checkpoint_in(base, folder)
     return f"{os.path.normpath(folder.absolute() / base)}{name[len(base) :]}" if is_path else name
 
 
-def _is_checkpoint_beside(name: str, folder: Path) -> bool:
+def _is_checkpoint_in(name: str, folder: Path) -> bool:
     bundled = any((layout / name).is_dir() for layout in WEIGHTS.iterdir()) if WEIGHTS.is_dir() else False
     return not bundled and (folder / name / "config.json").is_file()
 

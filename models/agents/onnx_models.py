@@ -42,7 +42,7 @@ class _Model:
         fixed = {size for size in sizes if isinstance(size, int)}
         if len(fixed) > 1 or not all(size > 0 for size in fixed):
             raise BlackBoxError(
-                f"{path}: its inputs want {sorted(fixed)} games. Export it with a free first dimension."
+                f"{path}: its inputs expect {sorted(fixed)} games. Export it with a free first dimension."
             )
         self._games: int | None = next(iter(fixed), None)
 
@@ -67,7 +67,7 @@ class _Model:
             ) from error
         if array.ndim == 0 or len(array) != games:
             raise BlackBoxError(
-                f"{self.path} answers with the shape {array.shape} about {games} games: one row a game."
+                f"{self.path} returns the shape {array.shape} for {games} games. It must return one row per game."
             )
         return array
 
@@ -88,8 +88,8 @@ def _number_type(described: Any, source: str) -> Any:
     if described.type not in _TYPES:
         known = ", ".join(sorted(name[7:-1] for name in _TYPES))
         raise BlackBoxError(
-            f"{source}: input {described.name!r} wants {described.type}, which cannot be given. Cast it in the model "
-            f"from one of {known}."
+            f"{source}: input {described.name!r} expects {described.type}, which is not supported. Cast it in the "
+            f"model from one of {known}."
         )
     return _TYPES[described.type]
 

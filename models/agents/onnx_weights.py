@@ -46,14 +46,14 @@ def external_files(path: Path) -> list[str]:
         raise BlackBoxError(f"{path} is not an ONNX model that can run here ({error}).") from None
     for name in found:
         if Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
-            raise BlackBoxError(f"{path} keeps weights in {name!r}. They must lie in the folder of the model.")
+            raise BlackBoxError(f"{path} keeps weights in {name!r}. They must be in the folder of the model.")
         if not (path.parent / name).is_file():
-            raise BlackBoxError(f"{path} keeps weights in {name}, which is not there. Put the file next to the model.")
+            raise BlackBoxError(f"{path} keeps weights in {name}, which is missing. Put the file next to the model.")
     return sorted(found)
 
 
 def _locations(message: memoryview, kind: str, depth: int) -> Iterator[str]:
-    """The values of every external_data entry "location" below a message."""
+    """Yield the values of every external_data entry "location" below a message."""
     if depth > _DEEPEST:
         raise ValueError("nested too deep")
     for number, content in _fields(message):
@@ -67,7 +67,7 @@ def _locations(message: memoryview, kind: str, depth: int) -> Iterator[str]:
 
 
 def _fields(message: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """The fields of a protobuf message that hold bytes: number and content. Raises IndexError, ValueError."""
+    """Yield the fields of a protobuf message that hold bytes: number and content. Raises IndexError, ValueError."""
     at = 0
     while at < len(message):
         key, at = _varint(message, at)

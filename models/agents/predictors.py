@@ -95,7 +95,7 @@ def _share(name: str, text: str) -> float:
     except ValueError:
         raise UnknownPredictor(f"{name}: after @ comes the wanted accuracy in percent, e.g. @60.") from None
     if not 1 / ACTIONS <= value <= 1:
-        raise UnknownPredictor(f"{name}: an accuracy between {100 / ACTIONS:.0f} and 100 can be asked for.")
+        raise UnknownPredictor(f"{name}: an accuracy between {100 / ACTIONS:.0f} and 100 is possible.")
     return value
 
 

@@ -24,7 +24,7 @@ def warm() -> None:
 
 @_kernel
 def norm(x, weight, bias):
-    """Layer norm of each row of `x` (rows, hidden)."""
+    """Return the layer norm of each row of `x` (rows, hidden)."""
     rows, hidden = x.shape
     out = np.empty_like(x)
     for row in range(rows):
@@ -110,7 +110,7 @@ def window_attention(qkv, present, first_query):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _soften(scores, count):
-    """Softmax of the first `count` scores, in place."""
+    """Apply softmax to the first `count` scores, in place."""
     most = scores[0]
     for k in range(1, count):
         most = max(most, scores[k])

@@ -7,8 +7,8 @@ from models.inference.answer_arrays import AnswerArrays
 from models.inference.wire import Answer, ModelRequest
 
 
-def together(asks: Sequence[ModelRequest]) -> list[list[ModelRequest]]:
-    """Groups of one layout in which no game comes twice; a game's frames stay in order."""
+def group_requests(asks: Sequence[ModelRequest]) -> list[list[ModelRequest]]:
+    """Group requests by layout so that no game occurs twice in a group; a game's frames stay in order."""
     groups: list[list[ModelRequest]] = []
     growing: dict[str, tuple[list[ModelRequest], set[str]]] = {}  # by layout: the last group and the games in it
     for ask in asks:
@@ -22,8 +22,8 @@ def together(asks: Sequence[ModelRequest]) -> list[list[ModelRequest]]:
     return groups
 
 
-def joined(group: Sequence[ModelRequest]) -> ModelRequest:
-    """One question with the rows of all, in their order."""
+def merge_requests(group: Sequence[ModelRequest]) -> ModelRequest:
+    """Return one request with the rows of the whole group, in order."""
     if len(group) == 1:
         return group[0]
     rows = [row for ask in group for row in ask.rows]
@@ -33,8 +33,8 @@ def joined(group: Sequence[ModelRequest]) -> ModelRequest:
     return ModelRequest(group[0].id, group[0].layout, rows, players, contents, actions)
 
 
-def parted(whole: Answer, group: Sequence[ModelRequest]) -> Iterator[Answer]:
-    """Return the answer to each request of the group. Faults are reported once, with the first."""
+def split_answer(whole: Answer, group: Sequence[ModelRequest]) -> Iterator[Answer]:
+    """Yield the answer to each request of the group. Faults are reported once, with the first."""
     arrays = AnswerArrays.read(whole)
     for ask, (begin, end) in zip(group, pairwise(accumulate((len(ask.rows) for ask in group), initial=0)), strict=True):
         faults = whole.faults if ask is group[0] else []

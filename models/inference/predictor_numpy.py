@@ -99,7 +99,7 @@ class _Games:
 
     def _state_tokens(self, observations: Observations) -> Floats:
         """(games, hidden): what a state adds to its token."""
-        state = self._state(self._encoder.look(observations))
+        state = self._state(self._encoder.encode(observations))
         np.maximum(state, 0, out=state)
         return state @ self._token_of_state
 
@@ -167,14 +167,15 @@ class WindowPredictor(_Games):
         *before, last = self._layers
         for layer in before:
             flat = x.reshape(-1, self._hidden)
-            seen = self._look(layer.qkv(flat), counts[slots], 0)
+            seen = self._attend(layer.qkv(flat), counts[slots], 0)
             x = layer.apply_residual(flat, seen.reshape(-1, self._hidden)).reshape(x.shape)
             self._tokens.append(x[:, -1])
-        seen = self._look(last.qkv(x.reshape(-1, self._hidden)), counts[slots], HISTORY - 1)  # nobody reads the others
+        # Only the last token is read after this layer.
+        seen = self._attend(last.qkv(x.reshape(-1, self._hidden)), counts[slots], HISTORY - 1)
         self._tokens.append(last.apply_residual(x[:, -1], seen[:, 0]))
         return self._probabilities(self._tokens[-1])
 
-    def _look(self, qkv: Floats, present: NDArray[np.int64], first_query: int) -> Floats:
+    def _attend(self, qkv: Floats, present: NDArray[np.int64], first_query: int) -> Floats:
         seen: Floats = window_attention(qkv.reshape(len(present), HISTORY, 3, self._heads, -1), present, first_query)
         return seen
 
@@ -183,7 +184,7 @@ class WindowPredictor(_Games):
 class _Encoder:
     """Observations (games, width, height, 26) to features (games, size), still to be multiplied by `scale`."""
 
-    look: Callable[[Observations], Floats]
+    encode: Callable[[Observations], Floats]
     scale: Floats
 
 

@@ -125,7 +125,7 @@ class ModelServer:
         ]
 
     def _take_in(self, load: Load, pool: list[SupervisedWorker]) -> None:
-        """From now on these workers answer about these models."""
+        """Send questions about these models to these workers from now on."""
         self._pool += pool
         self._agents |= dict.fromkeys(load.agents, pool)
         self._predictors |= dict.fromkeys(load.predictors, pool)
@@ -136,7 +136,7 @@ class ModelServer:
         await asyncio.gather(*(worker.close() for worker in self._pool))
 
     async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]:
-        """One decision a question, in order; None where no answer came within `deadline_ms` or the model broke."""
+        """Return one decision per question; None if no answer came within `deadline_ms` or the model failed."""
         batches = self._send(questions, deadline_ms / 1000)
         futures = [answer for _, answer in batches]
         if futures:
@@ -151,7 +151,7 @@ class ModelServer:
         return [part.decision(question) for part, question in zip(found, questions, strict=True)]
 
     def forget(self, game: str) -> None:
-        """The game is over: its memory is freed."""
+        """Free the memory of a game that is over."""
         keys = [_key(game, seat) for seat in self._seats.pop(game, ())]
         for worker in self._pool:
             worker.forget(keys)
@@ -168,12 +168,12 @@ class ModelServer:
         return all(worker.pid for worker in self._pool)
 
     def worker_pids(self) -> list[int]:
-        """Of the workers that answer now (spares are not among them)."""
+        """Return the process ids of the workers that answer now (without spares)."""
         return [worker.pid for worker in self._pool if worker.pid]
 
     @staticmethod
     def _one_of(pool: list[SupervisedWorker], game: str) -> SupervisedWorker:
-        """Of several workers, always the same one for a game."""
+        """Choose one of several workers, always the same one for a game."""
         return pool[0] if len(pool) == 1 else pool[zlib.crc32(game.encode()) % len(pool)]
 
     def _send(

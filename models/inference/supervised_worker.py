@@ -130,7 +130,7 @@ class SupervisedWorker:
 
     @property
     def pid(self) -> int:
-        """Of the worker; 0 while there is none."""
+        """The worker's process id; 0 while there is none."""
         return 0 if self._worker is None else self._worker.pid
 
     @property
@@ -153,7 +153,7 @@ class SupervisedWorker:
         return timestep - known
 
     def saw(self, key: str, timestep: int) -> None:
-        """The state has been sent: the worker reads frames in order, however late it answers."""
+        """Note that the state has been sent: the worker reads frames in order, however late it answers."""
         self._known[key] = timestep
         self._held.add(key)
 
@@ -202,7 +202,7 @@ class SupervisedWorker:
         for row, predicted in zip(waiting.rows, answer.predicted, strict=True):
             if row.predictor is not None and not predicted:  # the worker's memory of this game may be incomplete
                 self._known.pop(row.key, None)
-        if not waiting.answer.done():  # done: the deadline was over, nobody waits for it any more
+        if not waiting.answer.done():  # done: the deadline was over, nobody waits for it now
             waiting.answer.set_result(answer)
         self._breaker.worked()
 

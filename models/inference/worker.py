@@ -21,7 +21,7 @@ from models.agents.model_paths import make_importable
 from models.agents.predictors import load_predictor
 from models.inference import attention
 from models.inference.answer_arrays import AnswerArrays
-from models.inference.batches import joined, parted, together
+from models.inference.batches import group_requests, merge_requests, split_answer
 from models.inference.checked_output import (
     checked_intentions,
     checked_predictions,
@@ -252,7 +252,7 @@ def _start_states(layout: Layout) -> Iterator[Observations]:
 
 
 def _warm() -> None:
-    """The compiled code that every study needs."""
+    """Compile the code that every study needs."""
     for _ in _start_states(load_layout("practice")):
         pass
     attention.warm()
@@ -289,9 +289,9 @@ def main(descriptor: int) -> None:
 
 def _answer(worker: Worker, connection: socket.socket, asks: list[ModelRequest]) -> None:
     """Answer all received requests for one layout in one batch."""
-    for group in together(asks):
-        whole = worker.answer(joined(group))
-        connection.sendall(b"".join(map(frame, parted(whole, group))))
+    for group in group_requests(asks):
+        whole = worker.answer(merge_requests(group))
+        connection.sendall(b"".join(map(frame, split_answer(whole, group))))
 
 
 if __name__ == "__main__":

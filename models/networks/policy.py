@@ -112,7 +112,7 @@ class MlpPolicy(nn.Module):
         return logits, values
 
     def scaled_first(self) -> tuple[Tensor, Tensor]:
-        """Weight and bias of the first layer for entries as they are in the encoding."""
+        """Return the weight and bias of the first layer for entries as they are in the encoding."""
         first = cast(nn.Linear, self.head.layers[0])
         return first.weight * self.scale, first.bias
 

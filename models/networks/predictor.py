@@ -167,7 +167,7 @@ class PredictorNetwork(nn.Module):
         yield last[:, 0]
 
     def decode(self, x: Tensor) -> Tensor:
-        """Tokens (..., hidden) to logits (..., 3, 6)."""
+        """Map tokens (..., hidden) to logits (..., 3, 6)."""
         logits: Tensor = self.decoder(self.norm(x))
         return logits.view(*x.shape[:-1], STEPS, ACTIONS) / self.temperature[:, None]
 
@@ -178,7 +178,8 @@ def intention_decoder(layout: Layout, config: PredictorConfig, intentions: Inten
 
 
 def full_attention(q: Tensor, k: Tensor, v: Tensor, mask: Tensor | None) -> Tensor:
-    """Attention of queries (B, heads, Q, dim) to all of (B, heads, T, dim); `mask` (B, 1, 1, T): True where to look."""
+    """Return the attention of queries (B, heads, Q, dim) to all of (B, heads, T, dim); `mask` (B, 1, 1, T) is True
+    where a query may look."""
     if q.dtype == torch.float32 or q.device.type != "cpu":
         return functional.scaled_dot_product_attention(q, k, v, attn_mask=mask)
     # On a CPU, for windows of ten tokens, the fused attention takes 1.7 times as long, in 16 bits and in 32.
@@ -209,21 +210,22 @@ def banded_attention(q: Tensor, k: Tensor, v: Tensor, window: int) -> Tensor:
 
 
 def rotations(timesteps: Tensor, dim: int) -> Tensor:
-    """(T, dim / 2, 2): cosine and sine by which a query or key of each timestep is turned. [rotary positions]"""
+    """Return the cosine and sine by which a query or key of each timestep is rotated: (T, dim / 2, 2). [rotary
+    positions]"""
     speeds = torch.exp(-math.log(ROTARY_BASE) * torch.arange(dim // 2, device=timesteps.device) / (dim // 2))
     angles = timesteps[:, None] * speeds
     return torch.stack([angles.cos(), angles.sin()], -1)
 
 
 def rotated(x: Tensor, rotation: Tensor) -> Tensor:
-    """`x` (..., dim) with its two halves taken as the two axes that are turned."""
+    """Rotate `x` (..., dim), whose two halves are the two axes of the rotation."""
     cosine, sine = rotation[..., 0], rotation[..., 1]
     first, second = x.chunk(2, -1)
     return torch.cat([first * cosine - second * sine, first * sine + second * cosine], -1).to(x.dtype)
 
 
 def one_hot(actions: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
-    """Joint actions (..., 2), -1 for none, to (..., 12)."""
+    """Encode joint actions (..., 2), -1 for none, as (..., 12)."""
     table = np.concatenate([np.eye(ACTIONS, dtype=np.float32), np.zeros((1, ACTIONS), np.float32)])
     hot: NDArray[np.float32] = table[actions].reshape(*actions.shape[:-1], JOINT)
     return hot

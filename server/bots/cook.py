@@ -40,8 +40,8 @@ class Traits:
 
     @classmethod
     def drawn(cls, seed: int, cook: CookName = "foresight", follow: float = 0.7, tick_ms: float = 200.0) -> "Traits":
-        """`follow`: the share of planners and behaviour-cloned humans that uses the arrows; the others use them as
-        far as they have proved right."""
+        """Draw the traits of a participant. `follow`: the share of planners and behaviour-cloned humans that uses the
+        arrows; the others use them as far as they have proved right."""
         chance = Random(f"traits {seed}")  # noqa: S311 - a seed makes a run repeatable
         return cls(
             seed=chance.getrandbits(62),

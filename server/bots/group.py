@@ -90,7 +90,7 @@ async def simulate(
     async def one(number: int) -> None:
         nonlocal done
         async with places:
-            await _walk(everyone[number], turns[number], turns[number + 1], database)
+            await _take_part(everyone[number], turns[number], turns[number + 1], database)
         done += 1
         if report is not None:
             report(done, group.number)
@@ -99,7 +99,7 @@ async def simulate(
     return [one.bot for one in everyone if one.came or one.bot.journal.violations]
 
 
-async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, database: Database | None) -> None:
+async def _take_part(one: _One, turn: asyncio.Event, following: asyncio.Event, database: Database | None) -> None:
     """Consent in order, so that a repeated run assigns the same conditions; then continue at its own pace."""
     journal = one.bot.journal
     await turn.wait()

@@ -26,8 +26,8 @@ def planned_people(study: Study) -> int:
 
 
 def allocation(study: Study, people: int) -> str:
-    """CSV: each participant's condition, seed and games, if nobody drops out. A replacement gets the next seed and the
-    condition with the fewest participants."""
+    """Return as CSV each participant's condition, seed and games, if nobody drops out. A replacement gets the next seed
+    and the condition with the fewest participants."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(("participant", "condition", "seed", "episode", "layout", "agent", "episode_seed"))

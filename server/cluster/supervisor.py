@@ -53,11 +53,11 @@ class Supervisor:
         status = 0
         while not self._stopping and status == 0:
             time.sleep(0.1)
-            status = self._look()
+            status = self._replace_dead()
         self._end_all()
         return status
 
-    def _look(self) -> int:
+    def _replace_dead(self) -> int:
         """Replace a process that died. Not 0: a process refuses to start."""
         for process in self._processes:
             status = process.running.poll()
@@ -106,7 +106,7 @@ class Supervised:
 
 
 def supervised() -> Supervised | None:
-    """None for a process without a supervisor."""
+    """Return what the supervisor gave this process; None for a process without a supervisor."""
     passed = os.environ.pop(OF_SUPERVISOR, "")
     if not passed:
         return None

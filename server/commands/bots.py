@@ -84,14 +84,14 @@ def _check(arguments: argparse.Namespace) -> None:
     if not 1 <= arguments.number <= MOST:
         raise ValueError(f"{arguments.number} participants cannot be simulated. Give a number from 1 to {MOST}.")
     if not 0 <= arguments.dropout <= 1:
-        raise ValueError(f"--dropout {arguments.dropout:g} is not a share. Give a number from 0 to 1.")
+        raise ValueError(f"--dropout {arguments.dropout:g} is not a share of participants. Give a number from 0 to 1.")
     if arguments.url and not arguments.url.startswith(("http://", "https://")):
         raise ValueError(
             f"--url {arguments.url} is not an address. Give it as the browser shows it: http://127.0.0.1:8000."
         )
     if arguments.url and not _is_local(arguments.url) and not _secret():
         raise ValueError(
-            f"{arguments.url} would take the bots for people. Give them the server's secret: set KITCHENMIND_SECRET."
+            f"{arguments.url} would count the bots as people. Give them the server's secret: set KITCHENMIND_SECRET."
         )
     if arguments.url and arguments.faults:
         raise ValueError("--faults kills the server: it needs one of its own. Leave out --url.")
@@ -125,14 +125,14 @@ def _simulate(arguments: argparse.Namespace) -> "GroupOutcome":
     if arguments.url:
         if arguments.fast:
             _say(arguments, "the server at --url has its own clock: --fast needs a server that this command starts")
-        return _walk(arguments, group, arguments.url, _database(arguments))
+        return _run_group(arguments, group, arguments.url, _database(arguments))
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
         database = _database(arguments) or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
         _say(arguments, "starting a server ...")
         study, environment = _with_kitchens(study, Path(folder), arguments.data)
         server = stack.enter_context(OwnServer(database, study, environment | (QUICK if arguments.fast else {})))
-        return _walk(arguments, group, server.url, database)
+        return _run_group(arguments, group, server.url, database)
 
 
 def _try_out(arguments: argparse.Namespace) -> int:
@@ -239,7 +239,7 @@ def offered_study(url: str, wanted: str | None = None) -> str:
     return wanted or offered[0]
 
 
-def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_url: str | None) -> "GroupOutcome":
+def _run_group(arguments: argparse.Namespace, group: "BotGroup", url: str, database_url: str | None) -> "GroupOutcome":
     """Run everybody through the study, then check the guarantees."""
     import asyncio
 

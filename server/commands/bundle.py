@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
         with out.open("xb") as archive:
             archive.write(content)
     except FileExistsError:
-        sys.stderr.write(f"kitchenmind bundle: {out} is there already. A bundle is never changed: name another.\n")
+        sys.stderr.write(f"kitchenmind bundle: {out} already exists. A bundle is never changed: name another file.\n")
         return 2
     except (ValueError, OSError) as error:
         sys.stderr.write(f"kitchenmind bundle: {error}\n")

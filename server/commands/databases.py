@@ -33,7 +33,8 @@ class StoredDatabase(Database):
     """A database for reading that may be of another version, such as an old backup."""
 
     def read_now(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """`Database.read_now`. Raises ValueError if the tables of another version do not have what is read."""
+        """Do the same as `Database.read_now`. Raises ValueError if the tables of another version do not have what is
+        read."""
         try:
             return super().read_now(function, *args, **kwargs)
         except DBAPIError:

@@ -79,21 +79,21 @@ def _confirmed(study: str) -> bool:
 
 def _delete(url: "URL", data: "StudyData", reason: str) -> None:
     from server.store import engines, study_deletion
-    from server.store.concurrent_changes import beside_the_server
+    from server.store.concurrent_changes import alongside_server
     from server.store.migrate import migrate
 
     served = True
     with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables exist
         migrate(url.render_as_string(hide_password=False))
         served = False
-    with beside_the_server(url) as connection:
+    with alongside_server(url) as connection:
         study_deletion.begin(connection, data, served, reason)
     for participant_id in data.participants:
-        with beside_the_server(url) as connection:
+        with alongside_server(url) as connection:
             study_deletion.delete_participant(connection, participant_id)
         if served:
             time.sleep(_SERVERS_TURN_S)
-    with beside_the_server(url) as connection:
+    with alongside_server(url) as connection:
         study_deletion.finish(connection, data.study)
 
 

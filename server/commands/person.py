@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _refuse(error, 2)
     except (DatabaseDown, DBAPIError, OSError) as error:
         return _refuse(error, 1)
-    print("deleted; only the count of those who left remains")
+    print("deleted; only the count of withdrawals is kept")
     return 0
 
 
@@ -74,7 +74,7 @@ def _confirmed() -> bool:
 
 def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> None:
     from server.store import engines, overview
-    from server.store.concurrent_changes import beside_the_server
+    from server.store.concurrent_changes import alongside_server
     from server.store.migrate import migrate
     from server.store.tables import participants
     from server.store.withdrawal import Deletion, withdraw
@@ -82,7 +82,7 @@ def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> 
     with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables exist
         migrate(url.render_as_string(hide_password=False))
     deletion = Deletion("command line", "delete participant", {"study": arguments.study, "reason": arguments.reason})
-    with beside_the_server(url) as connection:
+    with alongside_server(url) as connection:
         playing = overview.playing(connection, participants.c.id == found.id)
         if playing:
             raise ValueError(f"{playing[0]} is in a game now. Wait, or use the dashboard, which ends the game first")

@@ -64,9 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _new(name: str, path: Path) -> int:
     if not re.fullmatch(r"[a-z][a-z0-9_-]{0,39}", name):
-        return _refuse(f"{name!r} cannot name a study. Use small letters, digits, - and _, a letter first.")
+        return _refuse(f"{name!r} cannot name a study. Use lowercase letters, digits, - and _, a letter first.")
     if path.exists():
-        return _refuse(f"{path} is there already. Choose another name, or --out FILE.")
+        return _refuse(f"{path} already exists. Choose another name, or --out FILE.")
     head = f"# yaml-language-server: $schema={os.path.relpath(SCHEMA, path.parent.resolve())}\n# The study {name}.\n"
     text = re.sub(r"\A(#.*\n)+", head, PATTERN.read_text("utf-8"))
     text = re.sub(r"(?m)^name: .*$", f"name: {name}", text)
@@ -79,9 +79,9 @@ def _new(name: str, path: Path) -> int:
 
 def _check(path: Path, arguments: argparse.Namespace) -> int:
     from server.commands.databases import load_stored
+    from server.prediction_warnings import prediction_warnings
     from server.study.loader import StudyError
     from server.study_check import stage_problems
-    from server.study_doubts import doubts
 
     try:
         file = load_stored(path, ServerData.of(arguments))
@@ -95,7 +95,7 @@ def _check(path: Path, arguments: argparse.Namespace) -> int:
     for line in (*file.warnings, *(file.describe(problem) for problem in found if problem.warning)):
         print(f"warning: {line}")
     if all(problem.warning for problem in found):
-        for problem in doubts(file):
+        for problem in prediction_warnings(file):
             print(f"warning: {file.describe(problem)}")
     errors = [file.describe(problem) for problem in found if not problem.warning]
     if errors:
@@ -137,7 +137,7 @@ def _primary(study: "Study") -> str:
     """Describe the declared primary test, or say that there is none."""
     primary = study.primary
     if primary is None:
-        return "no primary test is declared; `primary:` declares one before the data"
+        return "no primary test is declared; `primary:` declares one before data collection"
     what = f"effect of {' x '.join(primary.effect)}" if primary.effect else " - ".join(primary.comparison)
     words = f"{primary.test} of {primary.measure}, {what}, {primary.direction}"
     looks = f", looks at {', '.join(map(str, primary.looks))} people ({primary.spending})" if primary.looks else ""
@@ -174,7 +174,7 @@ def _words(language: str, place: Path) -> int:
         return _refuse(f"The platform already has words in {language!r}. Use another language.")
     if not place.exists():
         return _refuse(f"{place} does not exist. Give a study file or its folder.")
-    path = own_languages.file_beside(place if place.is_dir() else place.parent, language)
+    path = own_languages.language_file(place if place.is_dir() else place.parent, language)
     try:
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)

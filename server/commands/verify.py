@@ -64,7 +64,7 @@ def _verify(connection: "Connection", study: str | None) -> tuple[list[str], int
     lines, status = report(verify_all(connection, chosen))
     forged = audit.first_forged(connection)
     if forged is None:
-        return [*lines, "The audit log is whole.\n"], status
+        return [*lines, "The audit log is complete.\n"], status
     return [*lines, f"The audit log was changed: entry {forged} is missing or is not what was written.\n"], 1
 
 

@@ -80,7 +80,8 @@ def write_sums(folder: Path) -> None:
 
 
 def _entries(folder: Path) -> Iterator[Path]:
-    """Every file below the folder. Raises ImportRefused for a link or anything else that is neither file nor folder."""
+    """Yield every file below the folder. Raises ImportRefused for a link or anything else that is neither file nor
+    folder."""
     for path in sorted(folder.iterdir()):
         if path.is_symlink() or not (path.is_file() or path.is_dir()):
             raise ImportRefused(f"{path} is a link or a device. Replace it with the file itself.")

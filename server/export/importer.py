@@ -90,7 +90,7 @@ def _without_deleted(
 
 
 def rows(folder: Path, table: str) -> Iterator[Record]:
-    """The rows of a table of an export as they were exported; a column that an older export lacks is None."""
+    """Return the rows of a table as they were exported; a column that an older export lacks is None."""
     columns = next(known for known in codebook.TABLES if known.name == table).columns
     types = schema(columns)
     is_exact = table_path(folder, "parquet", table).is_file()
@@ -172,7 +172,7 @@ def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Rec
 
 
 def _inputs(folder: Path) -> Iterator[Record]:
-    """Exports of earlier versions have no such table."""
+    """Yield the inputs. Exports of earlier versions have no such table."""
     if not any(table_path(folder, kind, "inputs").is_file() for kind in TABLE_FORMATS):
         return
     for row in rows(folder, "inputs"):

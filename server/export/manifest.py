@@ -34,7 +34,7 @@ def write_about(folder: Path, versions: Sequence[StudyVersion], columns: Columns
 
 
 def study_file(key: str, version: int) -> str:
-    """Return where a version of a study file lies in an export. Raises ImportRefused for a key that is not plain."""
+    """Return the path of a version of a study file in an export. Raises ImportRefused for a key that is not plain."""
     return f"studies/{plain_name(key, 'the study')}_version-{version}.yaml"
 
 
@@ -48,7 +48,7 @@ def codebook_of(columns: Columns) -> dict[str, Any]:
 
 
 def psych_ds(versions: Sequence[StudyVersion], columns: Columns) -> dict[str, Any]:
-    """`dataset_description.json` of Psych-DS: schema.org's Dataset with every variable."""
+    """Return `dataset_description.json` of Psych-DS: schema.org's Dataset with every variable."""
     variables: dict[str, Column] = {column.name: column for table in columns.values() for column in table}
     return {
         "@context": "https://schema.org/",
@@ -80,7 +80,7 @@ def psych_ds(versions: Sequence[StudyVersion], columns: Columns) -> dict[str, An
 
 
 def croissant(folder: Path, versions: Sequence[StudyVersion], columns: Columns, file_format: str) -> dict[str, Any]:
-    """`croissant.json` (Croissant 1.0): every file with its hash, every column with its type."""
+    """Return `croissant.json` (Croissant 1.0): every file with its hash, every column with its type."""
     files, records = [], []
     for name, table in columns.items():
         path = table_path(folder, file_format, name)
@@ -202,7 +202,7 @@ Each table is {files}:
 - Tables are joined by `participant` and `episode`. Times are UTC, durations in milliseconds. An empty cell: not known,
   or there is none.
 - Actions: 0 north, 1 south, 2 east, 3 west, 4 stay, 5 interact. `action_0` is the chef on seat 0, whose start cell the
-  layout marks with 1; `action_1` is the other. Which seat is the person's, and which the agent's, stands in `episodes`.
+  layout marks with 1; `action_1` is the other. `episodes` says which seat is the person's and which the agent's.
 - In `ticks`, the row of timestep t has the state before (`state_hash`), what was predicted and displayed then for the
   timesteps t, t+1 and t+2, and what was done in t. So `predicted_1` is right where it equals `action_S` of the same
   row, S being the episode's `watched_seat`; `predicted_2` is about the next row, `predicted_3` about the one after.

@@ -31,7 +31,7 @@ _e = episodes.c
 
 
 def reliance_rows(chosen: Selection) -> Rows:
-    """A row for each episode and phase in which there were cells to respond to."""
+    """Yield a row for each episode and phase in which there were cells to respond to."""
     misled: set[str] = set()  # participants who have seen a wrong mark
     for row in chosen.rows(_rounds(), _e.study_id):
         spec = msgspec.convert(row.spec, EpisodeSpec)
@@ -80,7 +80,7 @@ def _is_seen(record: TickRecord) -> bool:
 
 
 def responses(spec: EpisodeSpec, records: Sequence[TickRecord]) -> Iterator[tuple[TickRecord, str]]:
-    """Each state of an episode with what the participant did in it; '' away from the shown cells."""
+    """Yield each state of an episode with the participant's response; '' away from the shown cells."""
     simulation = Simulation(parse_layout(spec.grid, spec.layout), spec.horizon)
     person, watched = viewer(spec), spec.watched_seat
     for record, following in pairwise(records):

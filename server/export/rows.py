@@ -271,5 +271,5 @@ def value_text(value: Any) -> tuple[str | None, str]:
 
 
 def json_text(value: Any) -> str:
-    """JSON that is the same for equal values."""
+    """Return JSON that is the same for equal values."""
     return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))

@@ -37,7 +37,7 @@ _OF_STEP = (
 
 
 def chunks(connection: Connection, episodes: Iterator[str], types: pl.Schema) -> Iterator[pl.DataFrame]:
-    """The rows of these episodes, some episodes at a time, with the codebook's columns."""
+    """Yield the rows of these episodes, some episodes at a time, with the codebook's columns."""
     place = "%s" if connection.dialect.name == "postgresql" else "?"
     query = f"SELECT {', '.join(_NAMES)} FROM ticks WHERE episode_id = {place} ORDER BY timestep"  # noqa: S608
     cursor = connection.connection.cursor()  # the driver's cursor, whose rows are plain tuples
@@ -93,7 +93,7 @@ def _predicted(blobs: Sequence[Any]) -> dict[str, Any]:
 
 
 def _displayed(blobs: Sequence[Any]) -> dict[str, Any]:
-    """Drawn action and opacity of each step; null where the frame carried fewer steps."""
+    """Return the drawn action and opacity of each step; null where the frame carried fewer steps."""
     width = 2 * len(STEPS)
     flat = b"".join(bytes(blob)[:width].ljust(width, bytes([_EMPTY])) for blob in blobs)
     table = (

@@ -55,15 +55,15 @@ class Alerts:
         self._live, self._file, self._tell, self._versions = live, database_file, tell, versions
 
     async def run(self) -> None:
-        """Until it is cancelled."""
+        """Check every few seconds, until this is cancelled."""
         while True:
             try:
-                await self.look()
+                await self.check()
             except Exception:
                 log.exception("the check for alerts failed")
             await asyncio.sleep(LOOK_EVERY_S)
 
-    async def look(self) -> None:
+    async def check(self) -> None:
         """Send the alerts that have begun or ended since the last check."""
         others = await self._live.peers.processes()
         before = self._peers
@@ -116,7 +116,7 @@ class Alerts:
         ]
 
     def _late(self, others: list[Process]) -> list[Alert]:
-        """Of those processes."""
+        """Return an alert about each process whose timesteps come late."""
         since = {alert.key: alert.since for alert in self._peers}
         found: list[Alert] = []
         for process in others:

@@ -74,7 +74,7 @@ class PrepareVersion(Struct, frozen=True, tag_field="command", tag="prepare_vers
 
 
 class OpenVersion(Struct, frozen=True, tag_field="command", tag="open_version"):
-    """Serve a version that was prepared to those who come from now on. `at`: when it was chosen, in Unix seconds."""
+    """Serve a prepared version to new participants. `at`: when it was chosen, in Unix seconds."""
 
     study: str
     sha256: str

@@ -131,7 +131,7 @@ class Control:
         return True
 
     async def end_stored(self, episode: str) -> bool:
-        """End an episode that no process plays, also one that cannot be played any more. False: it is over, or the
+        """End an episode that no process plays, also one that can no longer be played. False: it is over, or the
         database is away."""
         if self._games.get(episode) is not None:
             return False  # it ends already, or could not be ended a moment ago

@@ -46,7 +46,7 @@ class Dashboard:
             if kept is None or time.monotonic() - kept[0] > FRESH_S:
                 accuracy = await self._count(study_ids, study.name)
                 display = await self._count_displays(study_ids, study.name)
-                await self.quality.look(study_ids)
+                await self.quality.check_new(study_ids)
                 made = await self._live.web.database.read(self._read, study_ids, study, tab, blind)
                 made |= {"accuracy": accuracy_of(accuracy), "machine": await self._machine()}
                 made["display"] = await self._display_of(study_ids, display)

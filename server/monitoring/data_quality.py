@@ -33,7 +33,7 @@ class DataQuality:
         self._known: dict[str, tuple[set[Key], EpisodeQuality]] = {}  # by episode, with a key for each of its people
         self._checking = asyncio.Lock()
 
-    async def look(self, study_ids: tuple[int, ...]) -> int:
+    async def check_new(self, study_ids: tuple[int, ...]) -> int:
         """Check some that are new, latest first; return how many are still to be checked. Raises DatabaseDown."""
         async with self._checking:
             keys: dict[str, set[Key]] = {}
@@ -47,7 +47,7 @@ class DataQuality:
             return max(0, len(new) - A_LOOK)
 
     def of(self, episode: str) -> EpisodeQuality | None:
-        """None: not over, or not checked yet."""
+        """Return the result for an episode; None if it is not over or not checked yet."""
         known = self._known.get(episode)
         return known[1] if known else None
 

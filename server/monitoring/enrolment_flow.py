@@ -70,7 +70,7 @@ def stock(connection: Connection, group: Group) -> Stock:
 
 def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) -> list[dict[str, Any]]:
     """Return each condition with its plan; in blind mode in the order of the masked names. Conditions that only earlier
-    versions had follow: nobody comes to them any more, but those who did still count."""
+    versions had follow: nobody new comes to them, but those who did still count."""
     kinds = {condition.name: condition.predictor for condition in study.conditions}
     targets = {condition.name: condition.quota for condition in study.conditions}
     if study.replace_excluded:

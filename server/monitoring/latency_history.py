@@ -26,7 +26,7 @@ class LatencyHistory:
         self._rows: deque[tuple[float, int, float | None, float | None]] = deque(maxlen=KEPT)
 
     async def run(self) -> None:
-        """Until it is cancelled."""
+        """Sample every few seconds, until this is cancelled."""
         while True:
             self.sample(time.time())
             await asyncio.sleep(SAMPLE_S)

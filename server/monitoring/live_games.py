@@ -52,7 +52,7 @@ class LiveGames:
         """Return the running games of a study; refreshed at most twice a second, however many pages are open."""
         async with self._looking:
             if time.monotonic() - self._cards[0] >= 0.8 * CARDS_EVERY_S:
-                await self._look()
+                await self._sample()
         return [card for card in self._cards[1] if card.played.study_id in study_ids]
 
     async def views(self, study_ids: tuple[int, ...]) -> list[View]:
@@ -86,7 +86,7 @@ class LiveGames:
             await asyncio.sleep(0)  # let the games' ticks run first
         return made
 
-    async def _look(self) -> None:
+    async def _sample(self) -> None:
         running = [game for game in self.games if game.session.phase != "ended"]
         known = {game.episode for game in running}
         unknown = [episode for episode in known if episode not in self._players]

@@ -57,7 +57,7 @@ class Peers(Protocol):
     name: str  # of this process
 
     async def views(self) -> list[View]:
-        """Return their games, at most some seconds old."""
+        """Return their games, at most a few seconds old."""
         ...
 
     async def processes(self) -> list[Process]: ...

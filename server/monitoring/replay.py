@@ -130,7 +130,7 @@ def _names(bits: int) -> list[str]:
 
 
 def _accuracy(stored: list[TickRecord], seat: int) -> list[dict[str, Any]]:
-    """For each step how often the likeliest action happened, with its interval."""
+    """Return for each step how often the likeliest action happened, with its interval."""
     rows = []
     for step in range(3):
         pairs = [

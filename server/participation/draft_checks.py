@@ -6,11 +6,11 @@ from functools import cache
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import without_variant
 from overcooked.layout import layout_names
+from server.prediction_warnings import prediction_warnings
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS
 from server.study.checks import Problem
 from server.study.loader import PlacedProblem, StudyError, StudyFile
 from server.study_check import models_named, stage_problems
-from server.study_doubts import doubts
 
 
 def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = False) -> list[PlacedProblem]:
@@ -18,14 +18,14 @@ def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = F
     load the models too, which takes seconds."""
     foreign = [*_taken(file, served), *_foreign(file, served)]
     if foreign:
-        return [*file.doubts, *map(file.places.placed, foreign)]
+        return [*file.placed_warnings, *map(file.places.placed, foreign)]
     try:
         found = list(stage_problems(file, loads))
         if all(problem.warning for problem in found):
-            found += doubts(file)
+            found += prediction_warnings(file)
     except StudyError as error:
         return list(error.placed) or [PlacedProblem(1, (), str(error))]
-    return [*file.doubts, *map(file.places.placed, found)]
+    return [*file.placed_warnings, *map(file.places.placed, found)]
 
 
 def known_names(kitchens: Sequence[str] = ()) -> dict[str, list[str]]:

@@ -71,7 +71,7 @@ class FailedQuiz:
 
 def known(connection: Connection, all_studies: Studies, name: str, person: str | None) -> Participant | None:
     """Return the participant whom the recruiter sent before, in any version of the study: also in one that another
-    process has just opened. Nobody can continue in a version that cannot be read any more; they may begin again."""
+    process has just opened. Nobody can continue in a version that can no longer be read; they may begin again."""
     for study_id in reversed(studies.ids_of(connection, name)) if person else ():
         found = participants.by_recruitment_id(connection, study_id, person or "")
         if found is not None and (found.status != "active" or all_studies.can_read(connection, study_id)):
@@ -144,7 +144,7 @@ def _unpaired(connection: Connection, study_id: int, study: Study, simulated: bo
 def enrol_within(
     connection: Connection, all_studies: Studies, arrival: ConsentArrival, budgets: Sequence[PlaceBudget]
 ) -> None:
-    """Like `enrol`, but a new participant takes one of the address's places. Also raises NoPlaceLeft."""
+    """Do the same as `enrol`, but a new participant takes one of the address's places. Also raises NoPlaceLeft."""
     now = datetime.now(UTC)
     if already_here(connection, all_studies, arrival) is None:
         new_places.check(connection, budgets, now)
@@ -247,8 +247,8 @@ def wrong_quiz(connection: Connection, all_studies: Studies, participant_id: str
 
 
 def by_code(connection: Connection, name: str, code: str) -> Participant | None:
-    """Return the participant with this completion code, in any version of the study: data of one that cannot be read
-    any more can still be deleted."""
+    """Return the participant with this completion code, in any version of the study: data of one that can no
+    longer be read can still be deleted."""
     for study_id in studies.ids_of(connection, name) if code else ():
         found = participants.by_code(connection, study_id, code)
         if found is not None:

@@ -48,12 +48,12 @@ class Seating:
         DatabaseDown."""
         if not token:
             return None
-        participant, player = await self.database.read(self._look, token, study)
+        participant, player = await self.database.read(self._find_seat, token, study)
         if participant is None or player is not None:
             return player
         return await self.database.write(self._seat, participant)
 
-    def _look(self, connection: Connection, token: str, study: str) -> tuple[str | None, ConnectedPlayer | None]:
+    def _find_seat(self, connection: Connection, token: str, study: str) -> tuple[str | None, ConnectedPlayer | None]:
         """Return the participant with this token and their existing seat, without a write: a reconnection need not wait
         for a commit."""
         participant = participants.by_token(connection, token)

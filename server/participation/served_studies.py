@@ -56,7 +56,7 @@ class Studies:
                 found[row.id] = parse_study(row.source, f"{row.key} version {row.version}").study
             except StudyError as error:
                 self._unreadable.add(row.id)
-                log.warning("version %d of %s cannot be read any more: %s", row.version, row.key, error)
+                log.warning("version %d of %s can no longer be read: %s", row.version, row.key, error)
         self._versions = self._versions | found  # a new one: the event loop may be reading it
 
     def can_read(self, connection: Connection, study_id: int) -> bool:

@@ -55,7 +55,7 @@ class Versions(Protocol):
         """Return the SHA-256 of a loaded model; None for one without files."""
         ...
 
-    def look(self) -> None:
+    def find_changes(self) -> None:
         """Find the files that differ from the version served."""
         ...
 

@@ -94,7 +94,7 @@ class StudyVersions:
         while True:
             await asyncio.sleep(LOOK_EVERY_S)
             try:
-                await asyncio.to_thread(self.look)
+                await asyncio.to_thread(self.find_changes)
                 await self._follow()
             except DatabaseDown:
                 pass
@@ -122,7 +122,7 @@ class StudyVersions:
             else:
                 self.open(version)
 
-    def look(self) -> None:
+    def find_changes(self) -> None:
         """Find the files that differ from the version served."""
         for name in self._from_files:
             file = self._served[name]
@@ -194,7 +194,7 @@ class StudyVersions:
         self._files.append(file)
 
     def open(self, version: ServedVersion) -> bool:
-        """Serve a version that was prepared to those who come from now on. False: it was not prepared here."""
+        """Serve a prepared version to new participants. False: it was not prepared here."""
         name, served = version.study, self._served.get(version.study)
         found = self._prepared.pop(version.sha256, None)
         if found is None and (served is None or served.sha256 != version.sha256):
@@ -253,7 +253,7 @@ class StudyVersions:
                 continue
             try:
                 await self.prepare(database, one.study, one.sha256)
-            except (ValueError, OSError) as error:  # StudyError; a layout that a later version does not have any more
+            except (ValueError, OSError) as error:  # StudyError; a layout that a later version no longer has
                 if not isinstance(error.__cause__, ModelsDown):  # that passes: it is tried again
                     self._refused.add(one.sha256)
                 log.warning("%s, which %s opened, is not served: %s", one.study, one.opened_by, error)

@@ -1,9 +1,9 @@
 """What is probably unintended in a study that is served, for its page in the dashboard."""
 
+from server.prediction_warnings import prediction_warnings
 from server.study.loader import StudyFile
-from server.study_doubts import doubts
 
 
 def warnings_of(file: StudyFile) -> list[str]:
     """Return the warnings as sentences."""
-    return [one.sentences for one in doubts(file)]
+    return [one.sentences for one in prediction_warnings(file)]

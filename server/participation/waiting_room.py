@@ -138,7 +138,7 @@ class WaitingRoom:
                 self._dismiss(one, CloseCode.GAME_READY, "there is a game now")
 
     async def _continues_alone(self, waiter: _Waiter) -> bool:
-        """Return whether nobody can come any more, or nobody has come in time. At the end of the time the outlook is
+        """Return whether nobody else can come, or nobody has come in time. At the end of the time the outlook is
         read once more, because a pause of the study may be newer."""
         now = self._clock.now() / self._clock.speed
         is_late = self._left_s(waiter) <= 0

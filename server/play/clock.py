@@ -18,15 +18,15 @@ class Clock:
         self.speed, self.patience_s = speed, patience_s
 
     def now(self) -> float:
-        """Seconds since some fixed moment; only differences mean something."""
+        """Return seconds since some fixed moment; only differences mean something."""
         return time.monotonic() * self.speed
 
     def wall(self) -> datetime:
-        """UTC, for records; never used to measure."""
+        """Return the time in UTC, for records; never used to measure."""
         return datetime.now(UTC)
 
     def unix_ms(self) -> float:
-        """`wall`, in milliseconds since 1970."""
+        """Return `wall` in milliseconds since 1970."""
         return round(time.time() * 1000, 3)
 
     async def sleep(self, seconds: float) -> None:

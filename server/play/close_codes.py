@@ -44,6 +44,6 @@ CAUSES: Final[Mapping[CloseCode, tuple[str, str]]] = {
         "on a researcher's pages: the session has ended or now shows other data",
         "reloads the page",
     ),
-    CloseCode.NO_GAME: ("there is no game to play, or the cookie does not count (any more)", "loads `/s/{study}/now`"),
+    CloseCode.NO_GAME: ("there is no game to play, or the cookie is not valid (any longer)", "loads `/s/{study}/now`"),
     CloseCode.GAME_READY: ("the wait for another person is over", "reconnects at once"),
 }

@@ -39,7 +39,7 @@ class Game:
         start: Callable[["Game"], None],
         stop: Callable[["Game"], None],
     ) -> None:
-        """`start` is called when nothing holds the game any more, `stop` when something does."""
+        """`start` is called when no reason to pause is left, `stop` when there is one."""
         self.session = session
         self.clock = clock
         self.retrying_writer = RetryingWriter(recorder, clock)

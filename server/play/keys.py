@@ -134,8 +134,8 @@ class Keys:
             self._settle(press, outcome)
 
     def page(self, tab: str, is_new: bool) -> None:
-        """A page takes over. A new one counts its messages from the start; one that was here before keeps counting,
-        so that a message repeated after a lost connection has no second effect."""
+        """Note that a page takes over. A new one counts its messages from the start; one that was here before keeps
+        counting, so that a message repeated after a lost connection has no second effect."""
         self.clear()
         if self._tab is not None:
             self._seqs[self._tab] = self.seq
@@ -157,7 +157,8 @@ class Keys:
         return any(press is waiting for _, waiting in self._taps.values())
 
     def _drop(self, press: Press | None, outcome: InputOutcome) -> None:
-        """The Input no longer waits here; unless it still waits as the other of tap and held, its outcome is known."""
+        """Remove an Input that no longer waits here; unless it still waits as the other of tap and held, its outcome is
+        known."""
         if press is not None and press is not self._held_by and not self._waits(press):
             self._settle(press, outcome)
 

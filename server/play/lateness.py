@@ -16,11 +16,11 @@ class Lateness:
         self._ticks: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (moment, ms), oldest first
 
     def add(self, late_ms: float, at: float | None = None) -> None:
-        """A tick began now, or at this moment of `time.monotonic()`."""
+        """Note a tick that began now, or at this moment of `time.monotonic()`."""
         self._ticks.append((time.monotonic() if at is None else at, late_ms))
 
     def add_batch(self, late_ms: Iterable[float]) -> None:
-        """Ticks that begin now, together."""
+        """Note ticks that begin now, together."""
         now = time.monotonic()
         self._ticks.extend([(now, late) for late in late_ms])
 

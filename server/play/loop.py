@@ -139,7 +139,7 @@ class Loop:
         return True
 
     async def _make_start(self, game: Game) -> None:
-        """The start state, recorded and predicted while the countdown runs."""
+        """Record and predict the start state while the countdown runs."""
         await self._finish([(game, game.session.begin_start())])
         go = game.session.next_deadline - game.session.tick_s
         slot = self._slot_of.get(game)

@@ -32,5 +32,5 @@ class MarksKey:
         return self._is_on if self._is_toggle else self._is_down or was_pressed
 
     def release(self) -> None:
-        """The game stands still or another page took over: the key is up. A toggle stays as it is."""
+        """Release the key, because the game stands still or another page took over. A toggle stays as it is."""
         self._is_down = self._was_pressed = False

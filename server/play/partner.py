@@ -21,7 +21,7 @@ class Answers(Struct, frozen=True, gc=False):
 
 
 def questions(episode: str, spec: EpisodeSpec, simulation: Simulation) -> list[Question]:
-    """One question for each chef whom an agent plays or a predictor watches."""
+    """Return one question for each chef whom an agent plays or a predictor watches."""
     asked = []
     for seat, agent, predictor in spec.asked_models:
         asked.append(

@@ -57,7 +57,8 @@ class PauseReasons:
         return self._held[person].reason if self.is_away(person) else None
 
     def hold(self, holder: Holder, reason: str, now: float) -> None:
-        """A person who is away already stays away since the first moment; one whom the server kept waiting does not."""
+        """Add a reason to pause. A person who is already away stays away since the first moment; one whom the server
+        kept waiting does not."""
         held = self._held.get(holder)
         if held is None or held.reason not in AWAY_REASONS:
             self._held[holder] = Hold(reason, now)
@@ -100,7 +101,7 @@ class PauseReasons:
         return max(0.0, min(self._limits.each_s, self._limits.episode_s - self.away_ms(now) / 1000))
 
     def extend(self, more_time_s: float) -> bool:
-        """From now on absences in this game may last so much longer than the study says, each and all together. Return
+        """Allow absences in this game to last this much longer than the study says, each one and all together. Return
         False for a number that is known already, or smaller: it came late."""
         if more_time_s <= self._more_time_s:
             return False

@@ -35,7 +35,7 @@ def render(page: str) -> str:
 
 
 def table(struct: Any) -> str:
-    """One row a field; a line for a message without fields."""
+    """Return one row per field, or a sentence for a message without fields."""
     described = inspect.type_info(struct)
     fields = described.fields if isinstance(described, inspect.StructType) else ()
     if not fields:

@@ -15,7 +15,7 @@ _GOLDEN = 0x9E3779B97F4A7C15
 
 
 def _splitmix64(state: int) -> int:
-    """One output of SplitMix64 (Steele, Lea and Flood 2014) for the given state."""
+    """Return one output of SplitMix64 (Steele, Lea and Flood 2014) for the given state."""
     mixed = (state + _GOLDEN) & _MASK
     mixed = ((mixed ^ (mixed >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
     mixed = ((mixed ^ (mixed >> 27)) * 0x94D049BB133111EB) & _MASK

@@ -159,7 +159,7 @@ class Recorder(Protocol):
     GamesLost where several processes serve and another took a game up.
 
     Each call may be repeated with equal values (after RecorderDown nobody knows whether the commit arrived): a tick, a
-    pause or an end that is there already is left as it is.
+    pause or an end that is already stored is left as it is.
     """
 
     async def ticks(self, records: Sequence[TickRecord]) -> None: ...
@@ -167,7 +167,7 @@ class Recorder(Protocol):
     async def pause(self, record: PauseRecord) -> None: ...
 
     async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:
-        """Inputs that arrived while the game stood still, so that no tick records them soon."""
+        """Store inputs that arrived while the game was paused, when no tick will record them soon."""
         ...
 
     async def end(self, result: EpisodeResult) -> None: ...
@@ -178,7 +178,7 @@ class RecorderDown(Exception):
 
 
 class GamesLost(Exception):
-    """Other processes have taken these episodes up: nothing of them was stored, and nothing may be done here any more.
+    """Other processes have taken these episodes up: nothing of them was stored, and nothing more may be done here.
 
     Everything else in the call is stored.
     """

@@ -48,7 +48,7 @@ class SendQueue:
         return self._end is not None
 
     def send(self, message: Outgoing) -> None:
-        """Queue a message; after `close` nothing is taken any more."""
+        """Queue a message; after `close`, messages are dropped."""
         if self._end is not None:
             return
         is_state, frame = isinstance(message, Tick), encode(message)

@@ -170,7 +170,7 @@ class Session:
     # Ticks
 
     def begin_start(self) -> list[Question]:
-        """Questions about the start state; `finish_tick` makes its record."""
+        """Return the questions about the start state; `finish_tick` makes its record."""
         self.frames.ask(self.keys)
         self._asked = partner.questions(self.episode, self.spec, self.simulation)
         return self._asked

@@ -182,7 +182,7 @@ def _joined(states: list[bytes]) -> NDArray[np.int8]:
 
 
 def _own_first(done: bytes, seat: int) -> bytes:
-    """Joint actions (states, 2) as the chef in `seat` sees them."""
+    """Return joint actions (states, 2) as the chef in `seat` sees them."""
     if seat == 0:
         return done
     if len(done) == PLAYERS:

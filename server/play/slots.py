@@ -37,7 +37,8 @@ def slots_of(tick_ms: int, patient: bool) -> list[Slot]:
 
 
 def until_next_s(slots: Iterable[Slot], clock: Clock) -> float:
-    """Seconds until the next batch is due; infinity if none is, or if the games do not follow the wall clock."""
+    """Return the seconds until the next batch is due; infinity if none is, or if the games do not follow the wall
+    clock."""
     if clock.patience_s or clock.speed != 1:
         return math.inf
     now = clock.now()

@@ -25,7 +25,3 @@ class TokenBucket:
             return False
         self._tokens -= 1
         return True
-
-    def refund(self) -> None:
-        """Give one token back that was not used."""
-        self._tokens = min(self._burst, self._tokens + 1)

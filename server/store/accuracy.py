@@ -73,10 +73,10 @@ def _of(group: Group) -> ColumnElement[bool]:
 
 
 def hits_of(connection: Connection, episode_id: str, watched_seat: int) -> list[tuple[int, int]]:
-    """For each step how often something was predicted and how often it happened, in one episode.
+    """Return how often each step was predicted and how often the prediction was right, in one episode.
 
-    The prediction on state n is about timesteps n, n+1 and n+2; what is done in timestep n stands in tick n+1. The
-    likeliest action counts; a prediction that came late is none.
+    The prediction on state n is about timesteps n, n+1 and n+2; what is done in timestep n is stored in tick n+1. The
+    likeliest action counts; a prediction that came late counts as none.
     """
     action = ticks.c.action_0 if watched_seat == 0 else ticks.c.action_1
     query = select(ticks.c.prediction, action).where(ticks.c.episode_id == episode_id).order_by(ticks.c.timestep)

@@ -44,7 +44,7 @@ class NameTaken(ValueError):
 
 
 def create(connection: Connection, name: str, password_hash: str, role: str) -> None:
-    """A new account. Raises NameTaken, ValueError for a role that is none."""
+    """Create an account. Raises NameTaken, ValueError for an unknown role."""
     _check_role(role)
     if password_hash_of(connection, name) is not None:
         raise NameTaken(name)
@@ -78,7 +78,7 @@ def set_password(connection: Connection, name: str, password_hash: str) -> bool:
 
 def set_role(connection: Connection, name: str, role: str) -> bool:
     """Give an account another role and sign it out everywhere, as an open session may show what the new role may not
-    see. False: no such account. Raises ValueError for a role that is none."""
+    see. False: no such account. Raises ValueError for an unknown role."""
     _check_role(role)
     close_all(connection, name)
     return connection.execute(update(admins).where(admins.c.name == name).values(role=role)).rowcount == 1
@@ -113,7 +113,7 @@ def session(connection: Connection, token_hash: str, now: datetime) -> tuple[Adm
 
 
 def touch(connection: Connection, token_hash: str, now: datetime) -> None:
-    """The session was used."""
+    """Note that the session was used."""
     connection.execute(update(admin_sessions).where(admin_sessions.c.token_hash == token_hash).values(seen_at=now))
 
 
@@ -128,5 +128,5 @@ def close_all(connection: Connection, name: str) -> None:
 
 
 def set_blind(connection: Connection, token_hash: str, blind: bool) -> None:
-    """Whether conditions are hidden in this session."""
+    """Set whether conditions are hidden in this session."""
     connection.execute(update(admin_sessions).where(admin_sessions.c.token_hash == token_hash).values(blind=blind))

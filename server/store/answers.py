@@ -82,7 +82,7 @@ def attention_of(connection: Connection, participant_id: str) -> AttentionCount:
 
 
 def enter(connection: Connection, participant_id: str, step_key: str) -> None:
-    """The participant asked for the page of this step."""
+    """Note that the participant requested the page of this step."""
     row = {"participant_id": participant_id, "step_key": step_key, "entered_at": datetime.now(UTC)}
     connection.execute(visits.insert().values(row))
 

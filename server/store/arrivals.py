@@ -21,7 +21,7 @@ REASONS: Final = (
 
 
 def count(connection: Connection, study_id: int, kind: str, reason: str = "") -> None:
-    """One more. `suitable`: a browser that failed for this reason passed after all."""
+    """Count a browser. `suitable`: a browser that failed for this reason passed after all."""
     a = arrivals.c
     here = (a.study_id == study_id, a.kind == kind, a.reason == reason)
     if not connection.execute(update(arrivals).where(*here).values(count=a.count + 1)).rowcount:
@@ -29,7 +29,7 @@ def count(connection: Connection, study_id: int, kind: str, reason: str = "") ->
 
 
 def of_study(connection: Connection, study_ids: Sequence[int]) -> dict[tuple[str, str], int]:
-    """(kind, reason) -> how many; those who passed at a later try are taken off `unsuitable`."""
+    """Return the counts by (kind, reason); those who passed at a later try are subtracted from `unsuitable`."""
     a = arrivals.c
     query = select(a.kind, a.reason, func.sum(a.count)).where(a.study_id.in_(study_ids)).group_by(a.kind, a.reason)
     found = {(row[0], row[1]): int(row[2]) for row in connection.execute(query)}

@@ -9,7 +9,7 @@ from server.store.engines import OVERWRITE, TURN_LOCK, empty_log, writer_engine
 
 
 @contextmanager
-def beside_the_server(url: URL) -> Iterator[Connection]:
+def alongside_server(url: URL) -> Iterator[Connection]:
     """Open a transaction of a command, whether or not a server has the database open. Do not wait for user input
     inside."""
     engine = writer_engine(url)

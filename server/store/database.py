@@ -71,7 +71,7 @@ class Database:
         return await asyncio.wrap_future(self._submit(function, args, kwargs))
 
     def write_now(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """`write` for code outside an event loop; blocks."""
+        """Do the same as `write` for code outside an event loop; blocks."""
         result: T = self._submit(function, args, kwargs).result()
         return result
 
@@ -82,7 +82,7 @@ class Database:
         )
 
     def read_now(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """`read` for code outside an event loop; blocks."""
+        """Do the same as `read` for code outside an event loop; blocks."""
         try:
             with self._reader_engine.begin() as connection:
                 return function(connection, *args, **kwargs)

@@ -50,7 +50,7 @@ def exclude(connection: Connection, participant: str, episode: str | None, why: 
 
 
 def restore(connection: Connection, number: int, by: str) -> bool:
-    """Take an exclusion back. False if it does not hold (any more)."""
+    """Undo an exclusion. False if it is not (or no longer) in force."""
     query = update(exclusions).where(exclusions.c.id == number, exclusions.c.restored_at.is_(None))
     return connection.execute(query.values(restored_by=by, restored_at=datetime.now(UTC))).rowcount == 1
 

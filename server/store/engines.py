@@ -77,14 +77,15 @@ def is_down(error: BaseException) -> bool:
 
 
 def translated(error: Exception) -> Exception:
-    """DatabaseDown where the database is to blame, the error itself otherwise. The text holds no stored data."""
+    """Return DatabaseDown where the database is to blame, otherwise the error itself. The text contains no stored
+    data."""
     if isinstance(error, DBAPIError) and is_down(error):
         return DatabaseDown(f"{type(error.orig).__name__}: {error.orig}")
     return error
 
 
 def writer_engine(url: URL, lock_timeout_s: int = BUSY_TIMEOUT_S) -> Engine:
-    """One connection that may write. SQLite: the only one that ever writes or checkpoints."""
+    """Return an engine with one connection that may write. SQLite: the only one that ever writes or checkpoints."""
     if url.get_backend_name() == "postgresql":
         options = {"options": f"-c synchronous_commit=on -c lock_timeout={lock_timeout_s}s", **_CONNECTING}
         return create_engine(url, pool_size=1, max_overflow=0, connect_args=options, hide_parameters=True)
@@ -110,7 +111,8 @@ def writer_engine(url: URL, lock_timeout_s: int = BUSY_TIMEOUT_S) -> Engine:
 
 
 def reader(url: URL) -> Engine:
-    """Connections that cannot write: on SQLite opened read-only, on PostgreSQL in read-only transactions."""
+    """Return an engine whose connections cannot write: on SQLite opened read-only, on PostgreSQL in read-only
+    transactions."""
     if url.get_backend_name() == "postgresql":
         settings = f"-c default_transaction_read_only=on -c lock_timeout={SERVER_LOCK_TIMEOUT_S}s"
         options = {"options": settings, **_CONNECTING}
@@ -147,7 +149,8 @@ def _sqlite_settings(engine: Engine, begin: str, *pragmas: str) -> None:
 
 
 def overwrite_deleted(connection: Connection) -> None:
-    """After this transaction, what was deleted leaves SQLite's write-ahead log too (Writer.transaction does it)."""
+    """Let the end of this transaction remove what was deleted from SQLite's write-ahead log, too (Writer.transaction
+    does it)."""
     connection.info[OVERWRITE] = True
 
 

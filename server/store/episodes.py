@@ -145,7 +145,7 @@ def get(connection: Connection, episode_id: str) -> StoredEpisode | None:
 
 
 def unfinished(connection: Connection, study_id: int | None = None) -> list[str]:
-    """Ids of episodes (of one study version) that can still be played, oldest first."""
+    """Return the ids of episodes (of one study version) that can still be played, oldest first."""
     query = select(episodes.c.id).where(episodes.c.status.in_(("new", "running")))
     if study_id is not None:
         query = query.where(episodes.c.study_id == study_id)
@@ -184,7 +184,7 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
 
 
 def _known_at(last: TickRecord | None, held: Sequence[PauseRecord]) -> datetime | None:
-    """Until when it is stored how the episode was: the newest of its last state and of the ends of its pauses. None
+    """Return the last moment of the episode that is stored: that of its last state, or of the end of a pause. None
     where a pause is still open (it covers the time since), or where the last state has no time (older versions)."""
     if last is None or last.made_unix_ms is None or any(one.duration_ms is None for one in held):
         return None

@@ -1,5 +1,5 @@
 """One owner for each game where several processes serve one PostgreSQL: a number that grows with every owner, checked
-in the transaction of every tick. A process with an older number cannot store anything any more.
+in the transaction of every tick. A process with an older number can no longer store anything.
 
 An owner locks its episodes' rows as a foreign key does (KEY SHARE, which the ticks need anyway); taking a game up locks
 the row alone (UPDATE). So a commit is either whole before the game is taken up, or it sees the new number.
@@ -88,7 +88,7 @@ class FencedRecorder(StoreRecorder):
         return self._fences.get(episode, 0)
 
     def let_go(self, episode: str) -> None:
-        """The game is over, or another's."""
+        """Give up a game that is over or belongs to another process."""
         self._fences.pop(episode, None)
 
     async def ticks(self, records: Sequence[TickRecord]) -> None:
@@ -100,7 +100,7 @@ class FencedRecorder(StoreRecorder):
             raise GamesLost(lost)
 
     async def pause(self, record: PauseRecord) -> None:
-        """A pause of a game that is another's now is not stored: its owner knows better."""
+        """Store a pause, unless another process owns the game now: its owner knows better."""
         await self._write(_if_held, record.episode, self.fence(record.episode), stored.pause, record)
 
     async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:

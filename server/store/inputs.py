@@ -36,7 +36,7 @@ def of_episode(connection: Connection, episode_id: str) -> list[InputRecord]:
 
 
 def stored(connection: Connection, episode_id: str) -> Mapping[int, StoredInputs]:
-    """By seat: how many inputs are stored, and the newest `seq` of each tab."""
+    """Return by seat how many inputs are stored, and the newest `seq` of each tab."""
     here = inputs.c.episode_id == episode_id
     counted = select(inputs.c.seat, func.max(inputs.c.number)).where(here).group_by(inputs.c.seat)
     last = select(inputs.c.seat, inputs.c.tab, func.max(inputs.c.number).label("number"))
@@ -51,7 +51,7 @@ def stored(connection: Connection, episode_id: str) -> Mapping[int, StoredInputs
 
 @cache
 def _insert_text(dialect: str) -> str:
-    """Straight to the driver, as for ticks."""
+    """Return the statement as text for the driver, as for ticks."""
     place = "%s" if dialect == "postgresql" else "?"
     places = ", ".join([place] * len(_NAMES))
     conflict = "ON CONFLICT (episode_id, seat, number) DO NOTHING"

@@ -54,7 +54,7 @@ def _interactions(layout: Layout, joint_actions: Sequence[Sequence[int]], seat: 
 
 
 def next_in_episode(connection: Connection, episode_id: str) -> NDArray[np.int16]:
-    """`next_interactions` of the watched chef in a stored episode."""
+    """Return the `next_interactions` of the watched chef in a stored episode."""
     e = episodes.c
     row = connection.execute(select(e.grid, e.layout, e.watched_seat).where(e.id == episode_id)).one()
     query = select(ticks.c.action_0, ticks.c.action_1).where(ticks.c.episode_id == episode_id)
@@ -74,7 +74,7 @@ def hits_of(connection: Connection, episode_id: str) -> tuple[int, int]:
 
 
 def hits(came: NDArray[np.int16], predicted: Sequence[Intention | None]) -> tuple[int, int]:
-    """`hits_of` for the intentions of each state."""
+    """Return `hits_of` for the intentions of each state."""
     pairs = [
         ((one.kind, one.x, one.y), tuple(row[:3]))
         for one, row in zip(predicted, came.tolist(), strict=True)

@@ -33,7 +33,7 @@ class KitchenConflict(Exception):
 
 def save(connection: Connection, name: str, grid: str | None, by: str, opened: int) -> StoredKitchen:
     """Add a version; `grid` None removes the kitchen. `opened`: the version that the change began with, 0 for a new
-    kitchen. Raises KitchenConflict where that is not the newest any more; nothing is stored then."""
+    kitchen. Raises KitchenConflict where that is no longer the newest; nothing is stored then."""
     newest = next(iter(of_name(connection, name)), None)
     version = newest.version if newest is not None else 0
     is_new = opened == 0 and (newest is None or newest.grid is None)  # a name is free again after a removal
@@ -64,8 +64,8 @@ def grids(connection: Connection) -> dict[str, str]:
 
 
 def grids_at(url: str) -> dict[str, str]:
-    """`grids` of the database at an address, which a server may have open. None where there is no file yet. Raises
-    DatabaseDown, ValueError."""
+    """Return the `grids` of the database at an address, which a server may have open. None if there is no file yet.
+    Raises DatabaseDown, ValueError."""
     wanted = normal_url(url)
     if wanted.get_backend_name() == "sqlite" and not Path(str(wanted.database)).is_file():
         return {}

@@ -33,8 +33,8 @@ def migrate(url: str) -> None:
 
 
 def to_newest(connection: Connection) -> None:
-    """`migrate` for who has the database open already: closing it would fold a log of some megabytes into the file,
-    and games wait for a server that starts. Raises DatabaseTooNew."""
+    """Do the same as `migrate` on a database that is already open: closing it would fold a log of some megabytes into
+    the file, and games wait for a server that starts. Raises DatabaseTooNew."""
     if revision_of(connection) != newest_revision():
         _upgrade(connection)
 
@@ -62,7 +62,8 @@ def _upgrade(connection: Connection) -> None:
 
 
 def migrate_shared(url: str) -> None:
-    """`migrate` for one of several processes: tables that are of this version already are left to those at work."""
+    """Do the same as `migrate` for one of several processes: current tables are left alone, because other processes use
+    them."""
     with suppress(DatabaseDown), Database(url, read_only=True, readers=1) as database:
         if database.read_now(revision_of) == newest_revision():
             return

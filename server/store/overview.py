@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, Connection, and_, case, false, func, or_, 
 from server.store.episodes import is_misleading
 from server.store.events import ATTENTION_SCREENED_OUT
 from server.store.participants import label
-from server.store.tables import answers, episodes, events, exclusions, participants, ticks, withdrawals
+from server.store.tables import answers, episodes, events, exclusions, participants, withdrawals
 
 _p, _e = participants.c, episodes.c
 HERE = timedelta(minutes=2)  # who was seen so lately is in the study now
@@ -164,13 +164,13 @@ def excluded(connection: Connection, group: Group, status: str = "completed") ->
 
 
 def people(connection: Connection, study_ids: Sequence[int], tab: str, most: int = 200) -> list[Person]:
-    """Participants of one tab (of TABS), last seen first."""
+    """Return the participants of one tab (of TABS), last seen first."""
     query = _people().where(_p.study_id.in_(study_ids), _p.status.in_(TABS.get(tab, TABS["active"])))
     return [Person(**row._mapping) for row in connection.execute(query.order_by(_p.last_seen_at.desc()).limit(most))]
 
 
 def person(connection: Connection, participant_id: str) -> Person | None:
-    """One participant."""
+    """Return one participant."""
     row = connection.execute(_people().where(_p.id == participant_id)).first()
     return Person(**row._mapping) if row else None
 
@@ -227,7 +227,7 @@ def _played(
 def client_errors(
     connection: Connection, study_ids: Sequence[int], most: int = 20
 ) -> list[tuple[datetime, str, str, str]]:
-    """Errors on participants' consoles, latest first: when, whose, the participant's label, the text."""
+    """Return errors on participants' consoles, latest first: when, whose, the participant's label, the text."""
     query = select(events.c.at, _p.id, _p.number, _p.simulated, events.c.detail).join_from(events, participants)
     query = query.where(_p.study_id.in_(study_ids), events.c.kind == "trouble").order_by(events.c.id.desc())
     return [
@@ -244,11 +244,6 @@ def with_client_errors(connection: Connection, study_ids: Sequence[int], since: 
 
 
 def stored(connection: Connection, study_ids: Sequence[int]) -> dict[str, int]:
-    """Episodes by how they stand."""
+    """Return the number of episodes by status."""
     query = select(_e.status, func.count()).where(_e.study_id.in_(study_ids), _e.kind == "episode")
     return {row[0]: row[1] for row in connection.execute(query.group_by(_e.status))}
-
-
-def latest_tick(connection: Connection, episode_id: str) -> int | None:
-    """Return the last timestep that is stored."""
-    return connection.execute(select(func.max(ticks.c.timestep)).where(ticks.c.episode_id == episode_id)).scalar()

@@ -63,7 +63,7 @@ _COLUMNS = [participants.c[name] for name in Participant.__dataclass_fields__]
 
 
 def new_token() -> str:
-    """256 random bits for a participant's cookie."""
+    """Return 256 random bits for a participant's cookie."""
     return secrets.token_urlsafe(32)
 
 
@@ -269,7 +269,7 @@ def _idle() -> ColumnElement[bool]:
 
 
 def set_language(connection: Connection, participant_id: str, language: str) -> None:
-    """The language of the pages from now on."""
+    """Set the language of the pages from now on."""
     connection.execute(update(participants).where(participants.c.id == participant_id).values(language=language))
 
 

@@ -60,7 +60,7 @@ def ids_of(connection: Connection, key: str) -> list[int]:
 
 
 def known_ids(connection: Connection, key: str) -> list[int]:
-    """`ids_of` for a name that somebody typed. Raises ValueError, which names the studies that there are."""
+    """Return `ids_of` for a name that somebody typed. Raises ValueError, which lists the studies that exist."""
     found = ids_of(connection, key)
     if not found:
         known = sorted({version.key for version in every(connection)})

@@ -42,7 +42,7 @@ study_draft_versions = Table(
     column("source", Text, meaning="The text."),
     column("author", KEY, meaning="The researcher who wrote it."),
     column("note", KEY, meaning="How it came about: created, edited, restored, merged or set aside (by a conflict)."),
-    time("began_at", "When the author began with these changes; changes within some minutes are one row."),
+    time("began_at", "When the author began with these changes; changes within a few minutes are one row."),
     time("saved_at", "When the text was last saved."),
 )
 

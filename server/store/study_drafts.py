@@ -138,7 +138,7 @@ def history(connection: Connection, draft: int) -> list[DraftVersion]:
 
 
 def version(connection: Connection, draft: int, number: int) -> DraftVersion | None:
-    """One text of the history, by its number."""
+    """Return one text of the history, by its number."""
     here = study_draft_versions.c
     query = select(study_draft_versions).where(here.draft_id == draft, here.id == number)
     row = connection.execute(query).first()

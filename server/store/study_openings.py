@@ -64,7 +64,7 @@ def needed(connection: Connection) -> list[StudyOpening]:
 
 
 class StudyClosed(Exception):
-    """A researcher closed the study, or it is not served any more: new participants can no longer join."""
+    """A researcher closed the study, or it is no longer served: new participants can no longer join."""
 
 
 def check_open(connection: Connection, name: str) -> None:
@@ -74,7 +74,7 @@ def check_open(connection: Connection, name: str) -> None:
 
 
 def closed(connection: Connection) -> set[str]:
-    """Return the names of the studies that were opened from a draft and take nobody new any more."""
+    """Return the names of the studies that were opened from a draft and no longer take new participants."""
     here = study_openings.c
     last = select(func.max(here.id)).group_by(here.study)
     query = select(here.study).where(here.id.in_(last), here.closed_at.is_not(None))

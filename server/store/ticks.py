@@ -43,7 +43,7 @@ def insert(connection: Connection, records: Sequence[TickRecord]) -> tuple[tuple
 
 
 def insert_of_known(connection: Connection, records: Sequence[TickRecord]) -> tuple[tuple[str, int], ...]:
-    """`insert` without the ticks of episodes that were deleted: of a participant who withdrew nothing is kept."""
+    """Insert the ticks except those of deleted episodes: nothing is kept of a participant who withdrew."""
     wanted = {record.episode for record in records}
     known = set(connection.execute(select(episodes.c.id).where(episodes.c.id.in_(wanted))).scalars())
     return insert(connection, [record for record in records if record.episode in known])
@@ -137,7 +137,7 @@ def _keys(row: "Row[Any]") -> Iterable[KeyRecord]:
 
 @cache
 def _insert_text(dialect: str) -> str:
-    """Straight to the driver: building this statement again would cost more than running it."""
+    """Return the statement as text for the driver: building this statement again would cost more than running it."""
     place = "%s" if dialect == "postgresql" else "?"
     places = ", ".join([place] * len(_NAMES))
     conflict = "ON CONFLICT (episode_id, timestep) DO NOTHING"

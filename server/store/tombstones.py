@@ -47,7 +47,7 @@ def every(connection: Connection) -> list[Tombstone]:
 
 
 def add(connection: Connection, new: Iterable[Tombstone]) -> None:
-    """Keep the tombstones of another database; those that are there already stay once."""
+    """Keep the tombstones of another database; duplicates are kept once."""
     there = {stone.hash for stone in every(connection)}
     rows = {stone.hash: vars(stone) for stone in new if stone.hash not in there}
     if rows:

@@ -10,7 +10,7 @@ from server.store.tables import episodes, ticks
 
 def end(connection: Connection, episode_id: str) -> bool:
     """End the episode for a researcher; score and soups are those of the stored timesteps, and nothing is known of the
-    progress. No process can store anything of it any more. Return false if it was over."""
+    progress. No process can store more of it. Return false if it was over."""
     t = ticks.c
     query = select(t.reward_0, t.reward_1, t.events_0, t.events_1, t.state_hash).where(t.episode_id == episode_id)
     stored = connection.execute(query.order_by(t.timestep)).all()

@@ -32,7 +32,7 @@ _KEPT = tuple(participants.c[name] for name in ("study_id", "condition", "positi
 @dataclass(frozen=True)
 class Deletion:
     """The actor of a deletion, for the audit log; `detail` must not name the person. `at`: when the person
-    was deleted before, by a tombstone that is there already."""
+    was deleted before, by an existing tombstone."""
 
     actor: str = "participant"
     action: str = "withdraw"

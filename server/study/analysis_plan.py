@@ -9,7 +9,7 @@ from server.study.strict_model import StrictModel
 
 
 class PrimaryTest(StrictModel):
-    """The one test that answers the study's question, declared before the data. All other tests are secondary."""
+    """The one test that answers the study's question, declared before data collection. Other tests are secondary."""
 
     measure: Key = "reward"
     """What is compared: reward, or the key of a scale question that follows every episode."""

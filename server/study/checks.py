@@ -105,13 +105,13 @@ def _names(study: Study) -> Iterator[Problem]:
         names = [part.name for part in getattr(study, block)]
         for index, name in enumerate(names):
             if name in names[:index]:
-                yield Problem((block, index, "name"), f"{name!r} is there twice", "Give each its own name.")
+                yield Problem((block, index, "name"), f"{name!r} occurs twice", "Give each its own name.")
             if name == TOGETHER:
                 reason = f"reports call all {block} together {TOGETHER!r}"
                 yield Problem((block, index, "name"), reason, "Choose another name.")
     yield from _unknown_languages(study.languages)
     if len(set(study.languages)) < len(study.languages):
-        yield Problem(("languages",), "a language is there twice", "Name each once.")
+        yield Problem(("languages",), "a language occurs twice", "Name each once.")
     for key in study.questionnaires:
         if key in study.pages or key in FIXED_PAGES:
             yield Problem(("questionnaires", key), f"{key!r} also names a page", "Give the questionnaire another key.")
@@ -179,7 +179,7 @@ def _questions(study: Study, questionnaire: QuestionPage, path: Path) -> Iterato
         place = (*path, "questions", index)
         keys = [one.key for one in questions_of(question)]
         if twice := [key for key in keys if key in taken]:
-            yield Problem((*place, "key"), f"{twice[0]!r} is there twice", "Give each question its own key.")
+            yield Problem((*place, "key"), f"{twice[0]!r} occurs twice", "Give each question its own key.")
         taken.update(keys)
         if isinstance(question.conditions, tuple):
             yield from _unknown_conditions(question.conditions, conditions, (*place, "conditions"))
@@ -240,7 +240,7 @@ def _episodes(study: Study) -> Iterator[Problem]:
         yield Problem(("order", "rule"), "the paper's rule alternates two agents", remedy, fix=fix)
     if study.game.deadline_ms >= study.game.tick_ms:
         yield Problem(
-            ("game", "deadline_ms"), "the models' deadline lies beyond the tick", "Make it shorter than `tick_ms`."
+            ("game", "deadline_ms"), "the models' deadline is longer than the tick", "Make it shorter than `tick_ms`."
         )
     if study.game.pause.each_s > study.game.pause.episode_s:
         yield Problem(

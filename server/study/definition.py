@@ -251,7 +251,7 @@ class Study(StrictModel):
     """The steps in order: introduction, quiz, tutorial, episodes, thanks, and keys of `pages` and `questionnaires`."""
 
     def condition(self, name: str) -> Condition:
-        """Raises KeyError for a name that the study does not have."""
+        """Return the condition with this name. Raises KeyError if the study does not have it."""
         return _named(self.conditions, name)
 
     @property

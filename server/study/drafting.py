@@ -34,7 +34,7 @@ def view(text: str, source: str = "the draft") -> DraftView:
         file = parse_study(text, source)
     except StudyError as error:
         return DraftView(values, _placed(error))
-    return DraftView(values, file.doubts, file)
+    return DraftView(values, file.placed_warnings, file)
 
 
 def _placed(error: StudyError) -> tuple[PlacedProblem, ...]:

@@ -34,7 +34,7 @@ def _within(study: Study) -> Iterator[Problem]:
         if name not in study.factors:
             yield Problem(place, f"there is no factor {name!r}", f"Known: {', '.join(study.factors)}.")
         if name in study.cells.within[:index]:
-            yield Problem(place, f"{name!r} is there twice", "Name each once.")
+            yield Problem(place, f"{name!r} occurs twice", "Name each once.")
     if study.cells.within and study.cells.without:
         reason = "a participant meets all combinations of the levels in `within`, so none can be left out"
         yield Problem(("cells", "without"), reason, "Remove `without`, or remove `within`.")
@@ -52,7 +52,7 @@ def _without(study: Study) -> Iterator[Problem]:
 
 
 def in_factors(study: Study, found: Iterable[Problem]) -> Iterator[Problem]:
-    """The same problems; those of conditions that factors make are placed where a level sets the value."""
+    """Return the same problems, with those of conditions that factors make placed where a level sets the value."""
     for problem in found:
         match problem.path:
             case ("conditions", int(index), *rest) if study.factors:

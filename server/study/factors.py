@@ -135,7 +135,7 @@ def conditions_of(factors: Mapping[str, Mapping[str, ConditionSettings]], cells:
 def _condition(
     factors: Mapping[str, Mapping[str, ConditionSettings]], levels: dict[str, str], cells: Cells
 ) -> Condition:
-    """One combination of levels."""
+    """Return one combination of levels."""
     settings = {"predictor": DEFAULT_PREDICTOR, "quota": cells.quota, "name": _fits("_".join(levels.values()))}
     for factor, level in levels.items():
         chosen = factors[factor][level]

@@ -15,7 +15,7 @@ from server.study.checks import Path, Problem, problems
 from server.study.definition import Study
 from server.study.display_checks import display_problems
 from server.study.factor_checks import factor_problems, in_factors
-from server.study.own_languages import LanguageError, use_languages_beside
+from server.study.own_languages import LanguageError, use_languages_next_to
 from server.study.plan_checks import plan_problems
 from server.study.quick_fixes import QuickFix
 from server.study.recruitment_checks import recruitment_problems
@@ -65,11 +65,11 @@ class StudyFile:
     """Where relative paths of models start."""
     own_models: FilePath | None = None
     """Where trained models that the study names are: KITCHEN/NAME below this folder."""
-    doubts: tuple[PlacedProblem, ...] = ()
+    placed_warnings: tuple[PlacedProblem, ...] = ()
     """The warnings with their places."""
 
     def describe(self, problem: Problem) -> str:
-        """`file:line: reason. remedy`, as all errors read."""
+        """Return `file:line: reason. remedy`, as all errors read."""
         return self.places.describe(problem)
 
 
@@ -126,7 +126,7 @@ def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> S
     if len(data) > MAX_BYTES:
         raise StudyError([f"{path}:1: the file has {len(data):,} bytes. At most {MAX_BYTES:,} are read."])
     try:
-        use_languages_beside(file.parent)
+        use_languages_next_to(file.parent)
     except LanguageError as error:
         raise StudyError(error.lines) from None
     try:
@@ -158,9 +158,9 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     if wrong:
         raise places.error(wrong)
     warnings = tuple(places.describe(problem) for problem in found if problem.warning)
-    doubts = tuple(places.placed(problem) for problem in found if problem.warning)
+    placed_warnings = tuple(places.placed(problem) for problem in found if problem.warning)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    return StudyFile(study, source, text, digest, places, warnings, doubts=doubts)
+    return StudyFile(study, source, text, digest, places, warnings, placed_warnings=placed_warnings)
 
 
 def values_of(text: str | yaml.Node) -> Any:
@@ -264,7 +264,7 @@ class _Reader:
                 self._refuse(key_node.start_mark.line + 1, "a key is a list or a block", "Write a word as the key.")
             key, line = str(key_node.value), key_node.start_mark.line + 1
             if key in result:
-                self._refuse(line, f"the key {key!r} is there twice in this block", "Leave one of the two.")
+                self._refuse(line, f"the key {key!r} occurs twice in this block", "Keep only one of the two.")
             result[key] = self.value(value_node, (*path, key))
             self._places.put((*path, key), line)
         return result

@@ -29,14 +29,14 @@ class LanguageError(ValueError):
 
 @dataclass(frozen=True)
 class Completeness:
-    """The texts that a language file lacks, and those that the platform does not use (any more). English words by
+    """The texts that a language file lacks, and obsolete ones that the platform does not use. English words by
     key."""
 
     missing: dict[str, str]
     obsolete: tuple[str, ...]
 
 
-def file_beside(folder: Path, language: str) -> Path:
+def language_file(folder: Path, language: str) -> Path:
     """Return the path of a language file, for studies in a folder."""
     return folder / FOLDER / f"{language}.yaml"
 
@@ -139,7 +139,7 @@ def _line_of(text: str, key: str) -> int:
     return 1
 
 
-def use_languages_beside(folder: Path) -> None:
+def use_languages_next_to(folder: Path) -> None:
     """Use the languages in the folder `locales` next to a study. The platform's own languages stay as they are. Raises
     LanguageError."""
     for path in language_files(folder):

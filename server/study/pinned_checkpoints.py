@@ -37,5 +37,5 @@ def _inserted(text: str, block: yaml.MappingNode, found: Mapping[str, str]) -> s
 
 
 def _entries(found: Mapping[str, str]) -> list[str]:
-    """In quotes: a SHA-256 may have digits only."""
+    """Return the entries in quotes: a SHA-256 may have digits only."""
     return [f'{name}: "{sha256}"' for name, sha256 in sorted(found.items())]

@@ -64,7 +64,7 @@ def _effect(study: Study, primary: PrimaryTest) -> Iterator[Problem]:
             known = f"Known: {', '.join(study.factors)}." if study.factors else "Declare `factors`, or compare two."
             yield Problem(("primary", "effect", index), f"there is no factor {name!r}", known)
         if name in primary.effect[:index]:
-            yield Problem(("primary", "effect", index), f"{name!r} is there twice", "Name each once.")
+            yield Problem(("primary", "effect", index), f"{name!r} occurs twice", "Name each once.")
     if study.cells.without:
         reason = f"effects cannot be separated, as the study leaves out {', '.join(study.cells.without)}"
         yield Problem(("primary", "effect"), reason, "Remove `cells.without`, or compare two conditions.")
@@ -121,4 +121,4 @@ def _known_once(parts: Sequence[Any], names: Sequence[str], path: Path, kind: st
         if name not in known:
             yield Problem((*path, index), f"there is no {kind} {name!r}", f"Known: {', '.join(known)}.", fix=fix)
         if name in names[:index]:
-            yield Problem((*path, index), f"{name!r} is there twice", "Name each once.", fix=fix)
+            yield Problem((*path, index), f"{name!r} occurs twice", "Name each once.", fix=fix)

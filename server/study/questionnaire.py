@@ -238,7 +238,7 @@ def is_correct(question: AnyQuestion, answer: Value | None) -> bool:
 
 
 def is_attentive(question: AnyQuestion, answer: Value | None) -> bool | None:
-    """Return whether an attention check was passed; None where the question is none."""
+    """Return whether an attention check was passed; None if the question is not an attention check."""
     if isinstance(question, ScaleQuestion | ChoiceQuestion) and question.attention is not None:
         return answer == question.attention
     return None

@@ -74,7 +74,8 @@ def _edits(base: Sequence[str], text: str, is_mine: bool) -> Iterator[_Edit]:
 
 
 def _groups(edits: Sequence[_Edit]) -> Iterator[list[_Edit]]:
-    """Edits that meet one of the other side, with all that these meet; each other edit alone. `edits`: by place."""
+    """Yield groups of edits that meet one of the other side, with all that these meet; each other edit alone. `edits`:
+    by place."""
     group: list[_Edit] = []
     for edit in edits:
         if any(one.is_mine is not edit.is_mine and edit.meets(one) for one in group):

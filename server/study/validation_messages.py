@@ -27,7 +27,7 @@ _WORDS = {
     "less_than": ("{input} is too large", "Write less than {lt}."),
     "less_than_equal": ("{input} is too large", "Write {le} or less."),
     "too_short": ("there are too few", "Write at least {min_length}."),
-    "too_long": ("there are too many", "Leave at most {max_length}."),
+    "too_long": ("there are too many", "Keep at most {max_length}."),
     "union_tag_invalid": ("unknown type", "Use {expected_tags}."),
     "union_tag_not_found": (
         "the type is missing",
@@ -36,8 +36,8 @@ _WORDS = {
     "literal_error": ("{input} is not possible here", "Use {expected}."),
 }
 _PATTERNS = {
-    r"^[a-z][a-z0-9_]{0,39}$": "Use up to 40 small letters, digits and _, a letter first.",
-    r"^[a-z][a-z0-9_-]{0,39}$": "Use up to 40 small letters, digits, - and _, a letter first.",
+    r"^[a-z][a-z0-9_]{0,39}$": "Use up to 40 lowercase letters, digits and _, a letter first.",
+    r"^[a-z][a-z0-9_-]{0,39}$": "Use up to 40 lowercase letters, digits, - and _, a letter first.",
 }
 _MAX_INPUT_LENGTH = 40
 

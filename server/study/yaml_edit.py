@@ -39,7 +39,7 @@ def put(text: str, path: Path, value: Any, *, plain: bool = False) -> str:
     root = _compose(text)
     known, rest = _deepest(root, path)
     if plain and len(rest) > 1:
-        value = _unquoted(value)  # it stands in a block that is written whole
+        value = _unquoted(value)  # it is part of a block that is written whole
     if rest:
         parent = _at(root, known)
         if isinstance(parent, yaml.SequenceNode):
@@ -137,7 +137,7 @@ def rename(text: str, path: Path, key: str) -> str:
     parent = _at(root, path[:-1])
     node = parent.value[_index(parent, path[-1])][0]
     if any(str(other.value) == key for other, _ in parent.value):
-        raise YamlEditError(f"the key {key!r} is there already. Choose another name.")
+        raise YamlEditError(f"the key {key!r} already exists. Choose another name.")
     made = text[: node.start_mark.index] + scalar(key, flow=True) + text[node.end_mark.index :]
     return _checked(root, made, lambda old: yaml_values.renamed(old, path, key))
 

@@ -32,7 +32,7 @@ def put(old: Any, path: Path, value: Any) -> Any:
 
 
 def _inside(old: Any, path: Path, change: Change) -> Any:
-    """`old` with `change` applied to what stands at `path`."""
+    """Return `old` with `change` applied to the value at `path`."""
     if not path:
         return change(old)
     copy: Any = list(old) if isinstance(old, list) else dict(old)

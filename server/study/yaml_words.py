@@ -14,7 +14,7 @@ _resolver = yaml.SafeLoader("")
 
 
 def scalar(value: Any, *, flow: bool, plain: bool = False, quoted: bool = False) -> str:
-    """One value on one line. `plain`: written as it is, if that is possible. `quoted`: in quotes in any case."""
+    """Return one value on one line. `plain`: as it is, if possible. `quoted`: always in quotes."""
     if value is None:
         return "null"
     if not isinstance(value, str):

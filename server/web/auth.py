@@ -70,7 +70,7 @@ class CsrfProtection:
         return (f"http://{host}", f"https://{host}")
 
     def _form_signer(self, session: str, now_s: float | None) -> "_FormSigner":
-        # The session goes into the key and not into the token: it is a secret, and the token stands in the page.
+        # The session goes into the key and not into the token: it is a secret, and the token is in the page.
         signer = _FormSigner(self.secret, salt=f"form\n{session}", key_derivation="hmac", digest_method=hashlib.sha256)
         signer.now_s = now_s
         return signer

@@ -100,7 +100,7 @@ FormDep = Annotated[Form, Depends(own_form)]
 
 
 async def answers_form(request: Request, web: WebDep) -> Form:
-    """`own_form` of a page with questions, whose answers are checked one by one (server.study.answer_checks)."""
+    """Return `own_form` of a page with questions, whose answers are checked one by one (server.study.answer_checks)."""
     return await read_form(request, web.csrf, controls=True)
 
 
@@ -116,7 +116,8 @@ class SentConsent:
 
 
 async def consent_form(request: Request, name: str, web: WebDep) -> SentConsent:
-    """`own_form` of the consent page, also when it is sent again: what was sent first gave this browser its cookie."""
+    """Return `own_form` of the consent page, also when it is sent again: the first submission gave this browser its
+    cookie."""
     secret, cookie = web.csrf.secret, token_of(request)
     try:
         form = await read_form(
@@ -253,7 +254,8 @@ class PageResponse:
 def page(
     request: Request, web: Web, study: Study | None = None, participant: Participant | None = None
 ) -> PageResponse:
-    """In the participant's language; before consent in the link's `lang`, else in the one that the browser asks for."""
+    """Return a page in the participant's language; before consent in the link's `lang`, else in the one that the
+    browser asks for."""
     offered = study.languages if study else languages()
     if participant is not None and participant.language in offered:
         language = participant.language

@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 def install_error_pages(app: FastAPI) -> None:
-    """Errors become pages for browsers, and a line of JSON for programs."""
+    """Turn errors into pages for browsers, and into a line of JSON for programs."""
 
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> Response:

@@ -86,7 +86,7 @@ def test_forms_of_a_predictor_are_named_and_compared_with_their_own_offline_test
         "sp_predictor_stream with the SP agent 80.0 % of the time, 5.0 points less than in the offline test."
     )
     assert accuracy_text.accuracy_sentence(rows, PEOPLE) == (
-        "In the games with people the predictor foresaw 70.0 % of the SP agent’s actions (predictor: "
+        "In the games with people the predictor correctly predicted 70.0 % of the SP agent’s actions (predictor: "
         "sp_predictor_window) and 80.0 % of the SP agent’s actions (predictor: sp_predictor_stream), mean of the three "
         "steps."
     )

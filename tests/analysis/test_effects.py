@@ -11,7 +11,7 @@ from scipy import stats
 from analysis import effects
 from analysis.assumptions import residuals
 from analysis.compare import adjust, t_test, welch_t_test
-from analysis.ranks import kruskal_h
+from analysis.ranks import epsilon_of_counts
 from analysis.results import Result
 
 # Miles per gallon of the 1974 Motor Trend cars (R: mtcars), by gearbox.
@@ -101,6 +101,13 @@ def test_the_interval_of_cliffs_delta_covers_the_truth_about_as_often_as_its_lev
     truth = 2 * stats.norm.cdf(0.5 / math.sqrt(2)) - 1
     found = [effects.cliffs_delta(generator.normal(0.5, 1, 30), generator.normal(0, 1, 30)) for _ in range(400)]
     assert 0.92 < np.mean([delta.low <= truth <= delta.high for delta in found]) < 0.98
+
+
+def kruskal_h(groups: list[np.ndarray]) -> float:
+    values, value = np.unique(np.concatenate(groups), return_inverse=True)
+    counts = np.zeros((1, len(groups), values.size))
+    np.add.at(counts[0], (np.repeat(np.arange(len(groups)), [group.size for group in groups]), value), 1.0)
+    return float(epsilon_of_counts(counts)[0] * (value.size - 1))
 
 
 def test_h_of_many_draws_equals_scipys_also_with_ties() -> None:

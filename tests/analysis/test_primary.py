@@ -160,7 +160,7 @@ def test_the_declared_test_comes_first_in_the_report(planted_folder: Path, tmp_p
 def test_a_study_without_a_primary_test_is_called_exploratory(planted_folder: Path, tmp_path: Path) -> None:
     made = write_report(planted_folder, tmp_path / "out", QUICK)
     page = made.page.read_text(encoding="utf-8")
-    assert "The study file declared no primary test before the data, so every test in this report is explor" in page
+    assert "The study file declared no primary test before data collection, so every test in this report is" in page
     assert "In the primary test" not in page
     assert select(made.analysis.rows, section="primary") == []
 

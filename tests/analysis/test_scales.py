@@ -53,7 +53,7 @@ def test_a_score_is_the_mean_of_the_items_of_one_page(planted: Export, episodes:
 def test_answers_about_a_round_that_was_deleted_with_the_partner_are_not_about_the_study(
     planted: Export, episodes: pl.DataFrame
 ) -> None:
-    """They stay with the person who did not withdraw, and name no episode any more."""
+    """They stay with the person who did not withdraw, and no longer name an episode."""
     values = {f"tlx_{name}": 50.0 for name in TLX}
     pages = (answers("after-01", "p1", values), answers("after", "p2", values))
     found = scales.scores(export_with(planted, *pages), episodes, USED)

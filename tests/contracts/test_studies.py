@@ -139,7 +139,7 @@ def test_check_summarises_a_valid_study(path: Path, capsys: pytest.CaptureFixtur
             "agents.0.model",
             "there is no Python module",
         ),
-        ("{name: sp, predictor: 'http://127.0.0.1:9/x'}", "agents.0.predictor", "cannot be asked over HTTP"),
+        ("{name: sp, predictor: 'http://127.0.0.1:9/x'}", "agents.0.predictor", "cannot be used over HTTP"),
         ("{name: sp, predictor: sp_predictor_stream@60}", "agents.0.predictor", "asks for a variant of a predictor"),
         ("{name: sp, predictor: sp_predictor_stream@greedy}", "agents.0.predictor", "asks for a variant"),
         ("{name: mine, model: sp@60, predictor: random}", "agents.0.model", "'sp@60' cannot be used"),
@@ -298,7 +298,7 @@ def test_new_study_passes_its_check_and_is_never_overwritten(
     assert run("check", str(file), capsys=capsys)[0] == 0
     before = file.read_bytes()
     code, _, err = run("new", "pilot", "--out", str(file), capsys=capsys)
-    assert (code, "is there already" in err) == (2, True)
+    assert (code, "already exists" in err) == (2, True)
     assert file.read_bytes() == before
     assert run("new", "Not A Name", capsys=capsys)[0] == 2
 

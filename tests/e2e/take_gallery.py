@@ -2,7 +2,7 @@
 
     python tests/e2e/take_gallery.py [--participants N] [--study FILE] [--out DIR]
 
-Everything in it is simulated and says so. With 90 participants and the published study it takes some minutes.
+Everything in it is simulated and says so. With 90 participants and the published study it takes several minutes.
 """
 
 import argparse

@@ -206,7 +206,7 @@ def test_no_time_is_shown_when_it_is_over(chromium: Browser, server: FakeGameSer
     ("kind", "partner", "reason", "words"),
     mostly_slow(
         [
-            ("episode", "human", "away", "One player was away too long, so you two will not play together any more."),
+            ("episode", "human", "away", "One player was away too long, so you two will no longer play together."),
             ("episode", "human", "withdrawn", "Your partner has left the study, so this round ends here."),
             ("episode", "human", "researcher", "It was stopped early."),
             ("episode", "agent", "away", "You were away too long, so the round was stopped."),

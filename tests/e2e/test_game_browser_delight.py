@@ -147,7 +147,7 @@ def test_if_intentions_are_shown_the_example_shows_one_in_words(chromium: Browse
     with opened(chromium, server, reduced_motion="reduce") as page:
         page.wait_for_selector("[data-phase=ready]")
         open_help(page)
-        assert page.inner_text("#marks-help-lead").startswith("The icon shows at which station")
+        assert page.inner_text("#marks-help-lead").startswith("The icon shows the station")
         words = [help_text(page)]
         for _ in range(5):
             page.keyboard.press("Enter")

@@ -46,7 +46,7 @@ def test_a_keyboard_that_sends_no_codes_plays_by_its_characters(page: Page, serv
         press_raw(page, "keydown", code="", key=key)
         press_raw(page, "keyup", code="", key="Unidentified")
     server.wait_for(lambda server: taps(server) == [0, 1, 2, 3, 5, 5])
-    assert moves(server)[-1] == (None, 5), "nothing is held any more"
+    assert moves(server)[-1] == (None, 5), "nothing is held now"
 
 
 UNUSABLE = (

@@ -183,7 +183,7 @@ def test_an_agent_without_an_answer_for_one_game_answers_about_the_others(capfd:
 
 def test_what_cannot_be_served_exits_with_2_and_the_reason() -> None:
     for words, reason in (
-        (["nowhere:Agent"], "nowhere:Agent is not there"),
+        (["nowhere:Agent"], "nowhere:Agent was not found"),
         (["tests.kitchenmind.test_serve_agent:Failing"], "RuntimeError: out of ideas (test_serve_agent.py"),
         (["stay", "--port", "99999"], "99999 is not a port"),
         (["stay", "--layout", "nowhere"], "there is no layout 'nowhere'"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from models.inference.batches import joined, parted, together
+from models.inference.batches import group_requests, merge_requests, split_answer
 from models.inference.wire import Answer, ModelRequest, Row
 from models.protocols import INTENTION, INTENTIONS, STEPS
 from overcooked.constants import ACTIONS
@@ -22,14 +22,14 @@ def test_a_game_never_comes_twice_in_a_group_and_its_frames_stay_in_order():
         ask(4, "ring", "b"),
         ask(5, "ring", "a"),
     ]
-    groups = [[one.id for one in group] for group in together(asks)]
+    groups = [[one.id for one in group] for group in group_requests(asks)]
     assert sorted(groups) == [[1, 3], [2], [4, 5]]
     assert groups.index([1, 3]) < groups.index([4, 5])
 
 
 def test_every_question_gets_its_own_rows_back():
     group = [ask(1, "ring", "a", "b"), ask(2, "ring", "c"), ask(3, "ring", "d", "e", "f")]
-    whole = joined(group)
+    whole = merge_requests(group)
     assert whole.players == bytes([1, 1, 2, 3, 3, 3])
     assert [row.key for row in whole.rows] == list("abcdef")
     action_distributions = np.arange(6 * ACTIONS, dtype=np.float32).reshape(6, ACTIONS)
@@ -46,7 +46,7 @@ def test_every_question_gets_its_own_rows_back():
         intentions.tobytes(),
         ["broken"],
     )
-    parts = list(parted(answer, group))
+    parts = list(split_answer(answer, group))
     assert [part.id for part in parts] == [1, 2, 3]
     assert [part.acted for part in parts] == [bytes([0, 1]), bytes([2]), bytes([3, 4, 5])]
     assert b"".join(part.action_distributions for part in parts) == action_distributions.tobytes()

@@ -63,7 +63,7 @@ def test_something_that_is_not_a_model_is_refused(tmp_path):
     for name, reason in [
         (str(tmp_path / "broken.onnx"), "is not an ONNX model"),
         (str(tmp_path / "missing.onnx"), "there is no file"),
-        ("tests.support.foreign_models:Nobody", "is not there"),
+        ("tests.support.foreign_models:Nobody", "was not found"),
         ("tests.support.foreign_models:Remembering", "no method probabilities"),
     ]:
         with pytest.raises(BlackBoxError, match=reason):
@@ -334,7 +334,7 @@ def test_an_onnx_agent_may_read_any_type_of_number(kind, tmp_path):
 def test_a_type_that_cannot_be_given_is_named(tmp_path):
     onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], kind=TensorProto.BOOL)
     with pytest.raises(
-        BlackBoxError, match=r"wants tensor\(bool\), which cannot be given. Cast it .* float16"
+        BlackBoxError, match=r"expects tensor\(bool\), which is not supported. Cast it .* float16"
     ) as refusal:
         load_foreign_agent(str(tmp_path / "a.onnx"), RING)
     assert "must end in" not in str(refusal.value)
@@ -385,7 +385,7 @@ def test_weights_next_to_an_onnx_model_are_part_of_its_hash(tmp_path):
     (tmp_path / "a.weights").write_bytes(changed)
     assert agent_sha256(str(tmp_path / "a.onnx"), RING) != first
     (tmp_path / "a.weights").unlink()
-    with pytest.raises(BlackBoxError, match=r"keeps weights in a\.weights, which is not there"):
+    with pytest.raises(BlackBoxError, match=r"keeps weights in a\.weights, which is missing"):
         load_foreign_agent(str(tmp_path / "a.onnx"), RING)
 
 
@@ -400,7 +400,7 @@ def test_weights_outside_the_folder_of_a_model_are_refused(tmp_path):
     model = (tmp_path / "in" / "a.onnx").read_bytes()
     (tmp_path / "in" / "a.onnx").write_bytes(model.replace(b"a.weights", b"../weight"))
     (tmp_path / "weight").write_bytes((tmp_path / "in" / "a.weights").read_bytes())
-    with pytest.raises(BlackBoxError, match="must lie in the folder of the model"):
+    with pytest.raises(BlackBoxError, match="must be in the folder of the model"):
         load_foreign_agent(str(tmp_path / "in" / "a.onnx"), RING)
 
 

@@ -57,10 +57,10 @@ def modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ("name", "said"),
     [
         ("needs_more:A", "needs_more:A needs the Python package no_such_package. Install it for "),
-        ("stops:A", "SystemExit: usage (stops.py, line 1). Put what it does as a program under `if __name__"),
+        ("stops:A", "SystemExit: usage (stops.py, line 1). Move the code that runs as a program under `if __name__"),
         ("no_python:A", "cannot be imported: SyntaxError: invalid syntax (no_python.py, line 1)"),
         ("raises:A", "cannot be imported: RuntimeError: no GPU (raises.py, line 1)"),
-        ("faulty_agents:", "faulty_agents: is not there. Write package.module:Class"),
+        ("faulty_agents:", "faulty_agents: was not found. Write package.module:Class"),
         ("faulty_agents:Nobody", "has no attribute 'Nobody'). Write package.module:Class"),
         ("faulty_agents:WithoutConstructor", "takes no arguments. Its constructor gets one argument, the layout."),
         ("faulty_agents:WithoutWeights", "RuntimeError: no weights.pt (faulty_agents.py, line 22)"),

@@ -289,14 +289,14 @@ async def test_nan_in_one_game_costs_no_other_game_its_answer(serving):
 async def test_a_model_that_does_not_fit_is_refused_before_anything_is_served(serving):
     with pytest.raises(ModelsDown, match=r"WrongShape cannot be used on coordination_ring: .*shape \(1, 3\)"):
         await serving(["tests.support.foreign_models:WrongShape"])
-    with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):
+    with pytest.raises(ModelsDown, match="no_such_module:Agent was not found"):
         await serving(["no_such_module:Agent"])
 
 
 @pytest.mark.slow
 async def test_added_models_answer_together_with_the_earlier_ones(serving):
     server = await serving([NORTHWARD])
-    with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):
+    with pytest.raises(ModelsDown, match="no_such_module:Agent was not found"):
         await server.add([(LAYOUT, "planner"), (LAYOUT, "no_such_module:Agent")], [], {}, ModelPaths())
     assert await server.ask([AskedGame("a").question("planner")], PATIENT_MS) == [None]
     await server.add([(LAYOUT, NORTHWARD), (LAYOUT, "planner")], [(LAYOUT, "random")], {}, ModelPaths())

@@ -108,7 +108,7 @@ def test_dictionary_of_overcooked_ai_is_the_same_kitchen(settings: str) -> None:
         ('"start_player_positions": [[1, 1], [2, 2]]', "unknown setting 'start_player_positions'"),
         ('"cooktime": 5', "unknown setting 'cooktime'"),
         ("7: 5", "unknown setting 7"),
-        ('"cook_time": 5, "cook_time": 20', "a key is there twice"),
+        ('"cook_time": 5, "cook_time": 20', "a key occurs twice"),
         ('**{"cook_time": 5}', "not a readable dictionary"),
         ('"cook_time": ' + "[" * 10_000, "not a readable dictionary"),
     ],

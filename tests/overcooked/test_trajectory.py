@@ -182,7 +182,7 @@ def test_broken_trajectories_leave_exit_status_2_and_no_file(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (lambda columns: columns["ep_actions"][0].pop(), "states and .* joint actions; it needs one for each"),
+        (lambda columns: columns["ep_actions"][0].pop(), "states and .* joint actions; each state needs one"),
         (lambda columns: columns["ep_states"].__setitem__(0, None), "a part is missing or damaged .* Copy or write"),
         (lambda columns: columns["ep_actions"][0].__setitem__(3, "up"), "'u' is not an action; actions are "),
     ],

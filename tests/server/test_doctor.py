@@ -60,7 +60,7 @@ def test_all_checks_pass_on_a_healthy_machine(where: Path, capsys: pytest.Captur
     assert code == 0
     assert set(said) == {"secret", "port", "database", "disk", "study", "weights", "TLS"}
     assert {words.split()[0] for about, words in said.items() if about != "disk"} == {"ok"}
-    assert "will be made" in said["database"]
+    assert "will be created" in said["database"]
     assert list(where.iterdir()) == [where / "secret"], "it looks, and makes nothing"
 
 
@@ -119,7 +119,7 @@ def test_databases_are_distinguished(where: Path, capsys: pytest.CaptureFixture[
     file = where / "study.sqlite3"
     url = f"sqlite:///{file}"
     migrate(url)
-    assert run("--database", url, capsys=capsys)[1]["database"].endswith("is there and up to date")
+    assert run("--database", url, capsys=capsys)[1]["database"].endswith("exists and is up to date")
     with Database(url) as database:
         database.write_now(
             lambda connection: connection.execute(sql("update alembic_version set version_num = '9999'"))
@@ -145,7 +145,7 @@ def test_a_new_postgresql_database_is_fine_when_it_can_hold_every_letter(
 ) -> None:
     url = postgres.url(postgres.new_database())
     code, said = run("--database", url, capsys=capsys)
-    assert (code, said["database"].endswith("is empty: tables will be made")) == (0, True)
+    assert (code, said["database"].endswith("is empty: tables will be created")) == (0, True)
     with psycopg.connect(postgres.url(), autocommit=True) as connection:
         connection.execute("CREATE DATABASE ascii ENCODING 'SQL_ASCII' TEMPLATE template0")
     code, said = run("--database", postgres.url("ascii"), capsys=capsys)

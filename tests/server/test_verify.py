@@ -37,7 +37,7 @@ def test_an_audit_log_without_its_last_entry_is_reported(filled: str, capsys: py
         for _ in range(2):
             database.write_now(audit.add, "ada", "pause", {"study": "ring"})
     assert verify(filled) == 0
-    assert "The audit log is whole." in capsys.readouterr().out
+    assert "The audit log is complete." in capsys.readouterr().out
     with Database(filled) as database:
         database.write_now(remove_last_entry)
     assert verify(filled) == 1

@@ -7,7 +7,7 @@ from typing import Any
 from server.web.rate_limits import Rates
 from server.web.services import Services
 
-UNCHANGED = SimpleNamespace(changed={}, look=lambda: None, file_of=lambda _: None)  # study files that nobody edits
+UNCHANGED = SimpleNamespace(changed={}, find_changes=lambda: None, file_of=lambda _: None)  # nobody edits study files
 
 
 def some_services(**parts: Any) -> Services:

@@ -161,6 +161,6 @@ def test_validation_is_computed_as_the_updates_are(monkeypatch: pytest.MonkeyPat
     games = Episodes(features, both, actions, np.ones((1, 20), np.float32), both.astype(np.int16))
     for precision in ("float32", "bfloat16"):
         trainer = PredictorTrainer(network, TrainingConfig(), games, games, Compute("cpu", precision, "direct"))
-        assert trainer.look().accuracy.mean == 0.5
+        assert trainer.validate().accuracy.mean == 0.5
     assert formats == [False, True]
     assert not torch.is_autocast_enabled("cpu")

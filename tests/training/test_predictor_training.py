@@ -128,7 +128,7 @@ def test_training_ends_after_as_many_validations_without_improvement_as_its_pati
     for accuracy in (0.2, 0.1, 0.3, 0.2, 0.25):
         found = SimpleNamespace(accuracy=SimpleNamespace(mean=accuracy))
         monkeypatch.setattr(training, "evaluate", lambda *_, found=found: found)
-        trainer.look()
+        trainer.validate()
         ends.append(trainer.finished())
     assert ends == [False, False, False, False, True]
     assert trainer.best_accuracy == 0.3
@@ -201,7 +201,7 @@ def test_a_card_lists_the_training_and_the_held_out_partners_of_a_predictor(game
     more = {name: {"kind": "extra", "split": "train"} for name in extras}
     met = partners_met({**manifest, "shards": {**manifest["shards"], **more}})
     assert met == {
-        "learned with": "sp_0, sp_1, sp_2; 2 clones of people; 1 noisy or scripted",
+        "learned with": "sp_0, sp_1, sp_2; 2 behaviour-cloned humans; 1 noisy or scripted",
         "stopped on": "sp_3",
         "measured with": "sp_9",
     }

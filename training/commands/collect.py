@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from training.command_errors import refuse_below, told
+from training.command_errors import error_message, refuse_below
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         return _collect(arguments)
     except (ValueError, OSError) as error:
-        print(f"kitchenmind collect: {told(error)}", file=sys.stderr)
+        print(f"kitchenmind collect: {error_message(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("\nInterrupted. The same command continues with the next partner.", file=sys.stderr)

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from training.command_errors import refuse_below, told
+from training.command_errors import error_message, refuse_below
 
 if TYPE_CHECKING:
     from models.networks.checkpoint import Checkpoint
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         entries = _agents(arguments) if arguments.what == "agents" else _predictors(arguments)
     except (ValueError, OSError) as error:
-        print(f"kitchenmind evaluate {arguments.what}: {told(error)}", file=sys.stderr)
+        print(f"kitchenmind evaluate {arguments.what}: {error_message(error)}", file=sys.stderr)
         return 2
     if arguments.json:
         print(json.dumps(entries))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from training.command_errors import refuse_below, told
+from training.command_errors import error_message, refuse_below
 from training.config import AgentConfig, agent_config
 from training.settings import ConfigError
 
@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
         request(arguments.device, arguments.precision)
         return verbs[arguments.what](arguments)
     except (ValueError, OSError) as error:  # all our errors are ValueErrors with place and remedy
-        print(f"kitchenmind train {arguments.what}: {told(error)}", file=sys.stderr)
+        print(f"kitchenmind train {arguments.what}: {error_message(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("\nInterrupted. The same command continues from the last saved state.", file=sys.stderr)

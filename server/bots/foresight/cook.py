@@ -39,6 +39,6 @@ def cook(layout: Layout, seat: int, traits: Traits, episode_seed: int) -> Cook:
 
 
 def prepare() -> None:
-    """Compile the cooks' kernels, which takes some seconds once per machine, so that no game has to wait for it."""
+    """Compile the cooks' kernels, which takes a few seconds once per machine, so that no game has to wait for it."""
     layout = load_layout("practice")
     ForesightCook(layout, 0, Traits.drawn(0), 0).act(Kitchens.start(layout), 0, (STAY, STAY), (), 1)

@@ -177,8 +177,8 @@ def drawn(mind, probabilities):
 
 @kernel
 def think_all(kitchen, minds, memory, players, contents, now, actions, arrows, probabilities, out):
-    """`think` for many games at the same timestep, and draw: `probabilities` (games, 6), `out` (games,) actions. All
-    arrays have the game first."""
+    """Do the same as `think` for many games at the same timestep, and draw: `probabilities` (games, 6), `out` (games,)
+    actions. All arrays have the game first."""
     for game in range(minds.shape[0]):
         mind = minds[game]
         own = Memory(memory.players[game], memory.contents[game], memory.actions[game], memory.arrows[game])

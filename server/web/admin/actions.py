@@ -80,7 +80,7 @@ async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
 
 @router.post("/resume")
 async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
-    """The study continues, and its games with it."""
+    """Resume the study and its games."""
     study_at(web, name)
     detail = {"study": name, "reason": _text(form, "note")}
     await _change(web, admin, "resume study", detail, partial(decisions.resume_study, study=name, by=admin.name))
@@ -90,10 +90,10 @@ async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep
 
 @router.post("/version")
 async def serve_version(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:
-    """Serve the study file as it is now to those who come from now on; the others keep their version."""
+    """Serve the study file as it is now to new participants; the others keep their version."""
     web, versions = services.web, services.versions
     study_at(web, name)
-    await asyncio.to_thread(versions.look)
+    await asyncio.to_thread(versions.find_changes)
     if name not in versions.changed:
         return back_to(f"/admin/s/{name}", "version_unchanged")
     try:
@@ -121,7 +121,7 @@ async def message_all(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
 
 
 @router.post("/game/{episode}/{action}")
-async def step_in(
+async def intervene(
     action: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, game: GameDep
 ) -> Response:
     """Pause, resume, end, message, extend or exclude one game."""

@@ -24,7 +24,7 @@ MAX_FILTER_LENGTH: Final = 200
 
 @router.get("/data")
 async def data_view(request: Request, name: str, admin: ActDep, web: WebDep) -> Response:
-    """One page of a table. In blind mode without what reveals a condition."""
+    """Show one page of a table; in blind mode, without what reveals a condition."""
     given = request.query_params
     wanted = _query(web, name, {key: given.get(key, "") for key in _KEYS}, admin.blind)
     number = _page_number(given.get("page", ""))
@@ -50,7 +50,7 @@ async def data_view(request: Request, name: str, admin: ActDep, web: WebDep) -> 
 
 @router.post("/data.csv")
 async def download(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:
-    """All rows of what is seen, over all pages. It shows the conditions, so not in blind mode."""
+    """Send all rows of the table, over all pages. They show the conditions, so this is refused in blind mode."""
     web = services.web
     wanted = _query(web, name, {key: first(form, key) for key in _KEYS}, admin.blind)
     if admin.blind:
@@ -67,8 +67,8 @@ async def download(name: str, admin: ActDep, services: ServicesDep, form: AdminF
 
 
 def _text(connection: Connection, wanted: DataQuery) -> str:
-    """All rows as they are at one moment: people who answer during the download move the rows that follow theirs.
-    Between two pieces the live games' thread can run."""
+    """Return all rows as CSV, as they are at one moment: if participants answer during the download, the rows after
+    theirs would move. Between two pieces the live games' thread can run."""
     pieces = [csv_head(columns_of(wanted))]
     done, total = 0, 1
     while done < total:
@@ -83,7 +83,7 @@ _KEYS: Final = ("table", "contains", "column", "sort")
 
 
 def _query(web: Web, name: str, given: dict[str, str], blind: bool) -> DataQuery:
-    """Return what was asked for. Answers 404 for a table that is none; a column that is none, or hidden, is left
+    """Return what was asked for. Answers 404 for an unknown table; an unknown or hidden column is left
     out."""
     study_ids, _ = study_at(web, name)
     table = given["table"] or next(iter(TABLES))

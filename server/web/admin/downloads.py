@@ -24,7 +24,7 @@ _one_at_a_time = asyncio.Lock()
 
 @router.post("/export")
 async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
-    """All data of the study as a zip archive. It shows the conditions, so not in blind mode."""
+    """Send all data of the study as a zip archive. It shows the conditions, so this is refused in blind mode."""
     study_at(services.web, name)
     if admin.blind:
         raise HTTPException(409, "An export shows the conditions. Turn blind mode off first.")

@@ -43,7 +43,7 @@ def _text(form: DraftFormDep) -> str:
 
 
 @router.post("/look")
-async def look(
+async def check_text(
     admin: OwnDep,  # noqa: ARG001 - checks who asks
     services: ServicesDep,
     form: DraftFormDep,
@@ -72,7 +72,7 @@ def _viewed(text: str, services: Services, grids: Mapping[str, str]) -> dict[str
         file = services.versions.as_opened(view.file, grids)
         problems, drawn = _problems(file, services.versions), drawn | drawn_grids(file.study)
     own = own_names_of(drawn, services.settings.own_models)
-    return {"values": view.values, "problems": [_told(one) for one in problems], "own": own}
+    return {"values": view.values, "problems": [_problem_json(one) for one in problems], "own": own}
 
 
 def _problems(file: StudyFile, versions: Versions, loads: bool = False) -> list[PlacedProblem]:
@@ -81,7 +81,7 @@ def _problems(file: StudyFile, versions: Versions, loads: bool = False) -> list[
     return found + versions.clash(file) if all(problem.warning for problem in found) else found
 
 
-def _told(problem: PlacedProblem) -> dict[str, Any]:
+def _problem_json(problem: PlacedProblem) -> dict[str, Any]:
     told = {"line": problem.line, "path": problem.path, "text": problem.text, "warning": problem.warning}
     return told if problem.fix is None else told | {"fix": asdict(problem.fix)}
 

@@ -31,7 +31,7 @@ _MOST: Final = 2**31  # numbers in the database
 MAX_TITLE_LENGTH: Final = 200
 TEMPLATES: Final = {
     "external_predictor": ("The published study", "Three conditions, five kitchens, two agents, ten rounds."),
-    "quick_look": ("A quick look", "A short study of some minutes, to try things out."),
+    "quick_look": ("A quick look", "A short study of a few minutes, to try things out."),
     "classic_kitchens": (
         "The classic kitchens",
         "The published design in the five kitchens of overcooked_ai: three conditions, two agents, ten rounds.",
@@ -92,7 +92,7 @@ def templates_there() -> dict[str, tuple[str, str]]:
 
 @router.get("")
 async def drafts(request: Request, admin: OwnDep, web: WebDep) -> Response:
-    """All drafts."""
+    """List all drafts."""
     rows = await web.database.read(study_drafts.every)
     opened = await web.database.read(study_openings.newest)
     states = {row.id: state_of(row, opened) for row in rows}
@@ -100,7 +100,7 @@ async def drafts(request: Request, admin: OwnDep, web: WebDep) -> Response:
 
 
 def state_of(draft: StudyDraft, opened: dict[str, study_openings.StudyOpening]) -> str:
-    """draft, open, closed, or changed: open, and the draft has been changed since."""
+    """Return draft, open, closed, or changed (open, and the draft has been changed since)."""
     of_draft = [one for one in opened.values() if one.draft_id == draft.id]
     current = [one for one in of_draft if one.is_open]
     if current:
@@ -129,9 +129,9 @@ async def create(request: Request, admin: OwnDep, services: ServicesDep, form: A
     if given["template"] not in templates_there():
         wrong = "Choose a template."
     elif not STUDY_NAME.fullmatch(name):
-        wrong = "The name takes small letters, digits, - and _, a letter first, at most 40."
+        wrong = "The name has at most 40 lowercase letters, digits, - and _, and begins with a letter."
     elif name in services.web.studies.names():
-        wrong = f"There is a study {name!r} on this server. Choose another name."
+        wrong = f"This server already has a study {name!r} on this server. Choose another name."
     if wrong:
         return _new_page(request, admin, given, wrong)
     template = (ROOT / "studies" / f"{given['template']}.yaml").read_text("utf-8")
@@ -143,7 +143,7 @@ async def create(request: Request, admin: OwnDep, services: ServicesDep, form: A
 
 @router.get("/{draft}")
 async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, grids: GridsDep) -> Response:
-    """The form on the left, the YAML on the right."""
+    """Show the editor: the form on the left, the YAML on the right."""
     opened = await web.database.read(study_openings.newest)
     paused = await web.database.read(decisions.paused_studies)
     of_draft = [one for one in opened.values() if one.draft_id == draft.id]
@@ -174,14 +174,14 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
 
 @router.get("/{draft}/history")
 async def history(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep) -> Response:
-    """Every text that was kept of the draft."""
+    """List every stored text of the draft."""
     rows = await web.database.read(study_drafts.history, draft.id)
     return AdminPage(request, admin).render("draft_history.html", tab="drafts", draft=draft, rows=rows, shown=None)
 
 
 @router.get("/{draft}/history/{number}")
 async def earlier(request: Request, number: int, admin: OwnDep, web: WebDep, draft: DraftDep) -> Response:
-    """One text of the history, and how it differs from the newest."""
+    """Show one text of the history, and how it differs from the newest."""
     rows = await web.database.read(study_drafts.history, draft.id)
     shown = next((row for row in rows if row.id == number), None)
     if shown is None:

@@ -35,7 +35,7 @@ class PreviewedStudies(Studies):
         self._versions, self._open = {0: study}, {study.name: 0}
 
     async def earlier_answers(self, database: Database, participant: Participant) -> None:
-        """Nothing was answered, and what depends on answers is shown."""
+        """Return None: nothing was answered, so what depends on answers is shown."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +76,14 @@ def _studied(draft: StudyDraft) -> Study:
 
 def place_of(study: Study, condition: str, language: str) -> PreviewPlace:
     if condition not in {one.name for one in study.conditions} or language not in study.languages:
-        raise HTTPException(404, "the draft has no such condition or language any more")
+        raise HTTPException(404, "the draft no longer has this condition or language")
     participant = PreviewPlace(study, condition, language, ()).participant(0)
     return PreviewPlace(study, condition, language, PreviewedStudies(study).steps_of(participant))
 
 
 @router.get("")
 async def overview(request: Request, admin: OwnDep, draft: WholeDraftDep) -> Response:
-    """The steps of each condition, each with a link to its page."""
+    """List the steps of each condition, each with a link to its page."""
     study = await asyncio.to_thread(_studied, draft)
     sequences = {one.name: place_of(study, one.name, study.languages[0]).sequence for one in study.conditions}
     page = AdminPage(request, admin)
@@ -99,11 +99,11 @@ async def step(
     admin: OwnDep,  # noqa: ARG001 - checks who asks
     draft: WholeDraftDep,
 ) -> Response:
-    """One page as a participant in the condition sees it."""
+    """Show one page as a participant in the condition sees it."""
     place = place_of(await asyncio.to_thread(_studied, draft), condition, language)
     number = number_of(position)
     if number >= len(place.sequence):
-        raise HTTPException(404, "the draft has no such step any more")
+        raise HTTPException(404, "the draft no longer has this step")
     made = preview_page(request, draft, place, number)
     if number < 0:
         context = consent_context(place.study, language, None, {}, "preview-" * 3)
@@ -160,7 +160,7 @@ async def next_page(
     admin: OwnDep,  # noqa: ARG001 - checks who asks
     draft: WholeDraftDep,
 ) -> Response:
-    """What a page of the preview sends leads to the next page; nothing of it is read."""
+    """Redirect to the next page when a page of the preview is submitted; the submitted values are not read."""
     here = f"/admin/drafts/{draft.id}/preview/{condition}/{language}"
     sequence = place_of(await asyncio.to_thread(_studied, draft), condition, language).sequence
     number = number_of(position)

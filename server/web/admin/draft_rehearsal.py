@@ -22,7 +22,7 @@ router = APIRouter(prefix="/admin/drafts/{draft}/bots")
 
 @router.get("")
 async def outcome(request: Request, admin: OwnDep, services: ServicesDep, draft: DraftDep) -> Response:
-    """How the newest rehearsal of the draft goes or went."""
+    """Show the newest rehearsal of the draft."""
     page = AdminPage(request, admin)
     found = services.rehearsals.of(draft.id, await _of_other_processes(services))
     return page.render("draft_bots.html", tab="drafts", draft=draft, rehearsal=found, most=MAX_BOTS)

@@ -21,7 +21,7 @@ from server.study.checks import capitalised
 EPISODES: Final = 5
 TIMEOUT_S: Final = 90
 MAX_KEPT: Final = 100
-_DRAWING: Final = "kitchen"  # what stands in errors for the name of a file
+_DRAWING: Final = "kitchen"  # the name of the file in errors
 _one_at_a_time = asyncio.Lock()
 _trials: dict[str, dict[str, Any]] = {}  # by the hash of the grid
 

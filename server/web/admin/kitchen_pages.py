@@ -31,7 +31,7 @@ EMPTY: Final = ("XXXXXXX", "X1   2X", "X     X", "X     X", "XXXXXXX")
 
 @router.get("/kitchens")
 async def own_kitchens(request: Request, admin: OwnDep, web: WebDep) -> Response:
-    """The kitchens that were drawn here, and the bundled ones to begin with."""
+    """List the kitchens that were drawn here, and the bundled ones to begin with."""
     rows = [
         {"kitchen": one, "layout": parse_layout(one.grid or "", one.name), "studies": _studies(web, one.name)}
         for one in await web.database.read(kitchens.newest)
@@ -42,7 +42,7 @@ async def own_kitchens(request: Request, admin: OwnDep, web: WebDep) -> Response
 
 @router.get("/kitchens/new")
 async def new_kitchen(request: Request, admin: OwnDep) -> Response:
-    """An empty kitchen, a copy of a bundled one (`copy`), or one that a draft has typed (`grid`)."""
+    """Show the editor with an empty kitchen, a copy of a bundled one (`copy`), or a grid from a draft (`grid`)."""
     copied, grid = request.query_params.get("copy", ""), request.query_params.get("grid", "")[:MAX_TEXT]
     rows = list(load_layout(copied).grid) if copied in layout_names() else grid.splitlines() or list(EMPTY)
     return _editor(request, admin, "", rows, [], 0)
@@ -50,7 +50,7 @@ async def new_kitchen(request: Request, admin: OwnDep) -> Response:
 
 @router.get("/kitchen/{kitchen}")
 async def edit_kitchen(request: Request, kitchen: str, admin: OwnDep, web: WebDep) -> Response:
-    """The newest version of a kitchen in the editor, or an earlier one (`version`)."""
+    """Show the newest version of a kitchen in the editor, or an earlier one (`version`)."""
     history = await web.database.read(kitchens.of_name, kitchen)
     wanted = request.query_params.get("version", "")
     shown = next((one for one in history if str(one.version) == wanted and one.grid), None)
@@ -78,14 +78,14 @@ def _editor(
 
 @router.post("/kitchens/check")
 async def check_kitchen(admin: OwnDep, services: ServicesDep, form: AdminFormDep) -> dict[str, Any]:  # noqa: ARG001
-    """What is wrong with a grid and what can be reached in it; also for the text of a `.layout` file."""
+    """Return what is wrong with a grid and what can be reached in it; also for the text of a `.layout` file."""
     own_models = services.settings.own_models
     return await asyncio.to_thread(kitchen_findings.findings, _grid(form), _name(form), own_models)
 
 
 @router.post("/kitchens/trial")
 async def try_kitchen(admin: OwnDep, form: AdminFormDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
-    """Points of two planners."""
+    """Return the points of two planners."""
     return await kitchen_findings.trial(_grid(form))
 
 
@@ -95,7 +95,7 @@ async def save_kitchen(admin: OwnDep, services: ServicesDep, form: AdminFormDep)
     web = services.web
     name, opened = first(form, "name").strip(), whole_number(form, "version")
     if NAME.fullmatch(name) is None:
-        raise HTTPException(400, "A name has small letters, digits and _, begins with a letter and has at most 40")
+        raise HTTPException(400, "A name has at most 40 lowercase letters, digits and _, and begins with a letter")
     if name in layout_names() or name in OTHER_NAMES:
         raise HTTPException(400, f"{name} is the name of a bundled kitchen. Give your kitchen another name")
     try:

@@ -45,7 +45,7 @@ class Watching:
         self._told: set[str] = set()
 
     def follow(self) -> None:
-        """Also show the people of a version that was opened after the page was."""
+        """Also show the participants of a version that was opened after the page."""
         study_ids, study = study_at(self.web, self.study.name)
         if study_ids != self.study_ids or study is not self.study:
             self.study_ids, self.study = study_ids, study
@@ -58,7 +58,7 @@ class Watching:
         return arm_names(self.study, False, {one.name for version in versions for one in version.conditions})
 
     def asked(self, text: str) -> None:
-        """What the page shows now: {"show": [episodes], "tab": name}. Raises ValueError for anything else."""
+        """Set what the page shows now: {"show": [episodes], "tab": name}. Raises ValueError for anything else."""
         try:
             choice = json.loads(text)
         except RecursionError:  # brackets in brackets
@@ -74,7 +74,7 @@ class Watching:
             self.tab = tab
 
     async def news(self) -> dict[str, Any]:
-        """Cards of all games and boards of those in view."""
+        """Return the cards of all games and the boards of those in view."""
         cards, views = await self.live.cards(self.study_ids), await self.live.views(self.study_ids)
         by_id: dict[str, Card | View] = {view.id: view for view in views}
         by_id |= {card.played.id: card for card in cards}
@@ -125,7 +125,7 @@ router = APIRouter(prefix="/admin")
 
 @router.websocket("/s/{name}/live")
 async def watch(socket: WebSocket, name: str, services: ServicesDep) -> None:
-    """Cards and boards twice a second, alerts and figures every 2 s."""
+    """Send cards and boards twice a second, alerts and figures every 2 s."""
     web = services.web
     admin = await let_in(socket)
     if admin is None:
@@ -145,7 +145,7 @@ async def converse(socket: WebSocket, send: Coroutine[Any, Any, None], hear: Cal
         await asyncio.wait({sender, reader}, return_when=asyncio.FIRST_COMPLETED)
         error = sender.exception() if sender.done() and not sender.cancelled() else None
         if error is not None:
-            if not isinstance(error, WebSocketDisconnect | RuntimeError):  # nobody to send to any more
+            if not isinstance(error, WebSocketDisconnect | RuntimeError):  # the page is gone
                 log.error("cannot send news to a researcher's page", exc_info=error)
             with suppress(RuntimeError, WebSocketDisconnect):
                 await socket.close(CloseCode.FAILED, "the server failed")

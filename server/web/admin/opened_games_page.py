@@ -27,7 +27,7 @@ async def page(request: Request, admin: WatchDep) -> Response:
 
 @router.post("/records.json")
 async def records(request: Request, admin: WatchDep, web: WebDep, name: str = "") -> Response:
-    """The episodes of the file in the body, simulated again. Answers 422 with the reason if they cannot be."""
+    """Return the episodes of the file in the body, simulated again. Answers 422 with the reason if that fails."""
     if not web.csrf.is_own_origin(request):
         raise HTTPException(
             403, "The file was not sent by a page of this server. Open the page again and send it from there."

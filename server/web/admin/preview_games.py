@@ -32,7 +32,7 @@ class PreviewGames:
         self.sockets = Sockets(self.games, self._find, is_ours)
 
     async def serve(self, socket: WebSocket, spec: EpisodeSpec, next_url: str) -> None:
-        """Play one round from handshake to close; nothing of it is left afterwards, whatever the socket did."""
+        """Play one round from handshake to close, then remove everything about it, whatever the socket did."""
         if len(self._specs) >= MAX_GAMES:
             return await socket.close(CloseCode.TRY_LATER)
         episode = f"preview-{secrets.token_hex(8)}"

@@ -62,7 +62,7 @@ async def play(
     services: ServicesDep,
     at: AddressDep,
 ) -> Response:
-    """The page of the game, once its models are there."""
+    """Show the page of the game, once its models are loaded."""
     file = await asyncio.to_thread(_playable, at.draft.source, services)
     if file is None:
         return back_to(f"/admin/drafts/{at.draft.id}", "draft_faulty")

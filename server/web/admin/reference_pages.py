@@ -19,7 +19,7 @@ router = APIRouter(prefix="/admin/study-keys")
 
 @router.get("/{section}")
 async def one_section(request: Request, admin: OwnDep, section: str) -> Response:
-    """Every key of a section: type, default, example, meaning."""
+    """Show every key of a section: type, default, example, meaning."""
     shown = next((one for one in SECTIONS if one.name == section), None)
     if shown is None:
         raise HTTPException(NOT_FOUND, f"There is no section {section!r} of the study file.")

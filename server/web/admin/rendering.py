@@ -20,7 +20,7 @@ NOT_FOUND = 404
 OUTCOMES = {
     "paused": "The game is paused.",
     "resumed": "The game continues.",
-    "resumed_later": "The game is not paused by itself any more. It continues when you resume the study.",
+    "resumed_later": "This game is no longer paused on its own. It continues when you resume the study.",
     "ended": "The game is ended.",
     "sent": "The message is sent.",
     "extended": "The participant has more time now.",
@@ -28,7 +28,7 @@ OUTCOMES = {
     "page after consent: another participant can take it.",
     "excluded": "The data are excluded.",
     "restored": "The exclusion is undone.",
-    "released": "The place is free again.",
+    "released": "The slot is free again.",
     "study_paused": "The study is paused: nobody can join, and no game runs.",
     "study_resumed": "The study continues.",
     "version_served": "The new version is served: new participants get it.",
@@ -36,7 +36,7 @@ OUTCOMES = {
     "signed_out": "The account is signed out everywhere.",
     "removed": "The account is removed.",
     "account_gone": "No action taken: there is no such account any more.",
-    "deleted": "The participant is deleted, which the audit log shows. Only the count of withdrawals is kept.",
+    "deleted": "The participant is deleted. The audit log records it, and only the count of withdrawals is kept.",
     "nobody_found": "There is no participant with this id or code in this study.",
     "kitchen_removed": "The kitchen is removed. Its history is kept.",
     "version_unchanged": "No action taken: the study file is already served as it is.",
@@ -110,7 +110,7 @@ def researchers_error(request: Request, status: int, reason: str) -> HTMLRespons
 
 
 def back_to(path: str, outcome: str = "") -> RedirectResponse:
-    """To one of our own pages, with a word about what was done."""
+    """Redirect to one of our own pages, with a word about what was done."""
     return RedirectResponse(path + (f"?outcome={outcome}" if outcome else ""), SEE_OTHER, {"Cache-Control": "no-store"})
 
 

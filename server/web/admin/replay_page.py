@@ -35,7 +35,7 @@ NOT_PLAYED: Final = {"type": "status", "phase": "paused", **_FLAG}
 
 @router.get("")
 async def page(request: Request, name: str, admin: WatchDep, services: ServicesDep, game: GameDep) -> Response:
-    """The game as the participant sees it, its time line, and what can be done about it."""
+    """Show the game as the participant sees it, its time line, and the available actions."""
     web, live = services.web, services.live
     _, study = study_at(web, name)
     held = await web.database.read(decisions.exclusions_of, [game.participant_id])
@@ -60,7 +60,7 @@ async def page(request: Request, name: str, admin: WatchDep, services: ServicesD
 
 @router.get("/record.json")
 async def record(admin: WatchDep, web: WebDep, game: GameDep) -> Response:
-    """Everything that is stored of the episode, with the states that follow from it."""
+    """Return everything that is stored of the episode, with the states that follow from it."""
     try:
         text = await web.database.read(record_json, game.id, admin.blind)
     except (BrokenEpisode, LayoutError) as error:
@@ -71,7 +71,7 @@ async def record(admin: WatchDep, web: WebDep, game: GameDep) -> Response:
 
 @router.websocket("/live")
 async def follow(socket: WebSocket, name: str, episode: str, services: ServicesDep) -> None:
-    """Every new tick of a running game, and how the participant is."""
+    """Send every new tick of a running game, and the state of the participant."""
     live = services.live
     admin = await let_in(socket)
     if admin is None:
@@ -140,7 +140,7 @@ async def _is_over(live: LiveGames, episode: str) -> bool:
 
 
 async def _status(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str]) -> Card | View | None:
-    """Tell how the participant is; None when the game does not run any more."""
+    """Describe the participant's state; None if the game no longer runs."""
     study_ids, episode = which
     card = next((one for one in await live.cards(study_ids) if one.played.id == episode), None)
     view = None if card else next((one for one in await live.views(study_ids) if one.id == episode), None)

@@ -26,7 +26,7 @@ _NONE_YET: Final = "there is no report of this study: make it first"
 
 @router.get("/report.json")
 async def state(name: str, admin: ActDep, web: WebDep) -> dict[str, Any]:
-    """How the newest attempt goes or went, and which report is kept."""
+    """Return the progress or outcome of the newest attempt, and which report is kept."""
     study_at(web, name)
     _check_sight(admin)
     return await _state(web, name)
@@ -46,7 +46,7 @@ async def make(name: str, admin: ActDep, services: ServicesDep, form: AdminFormD
 
 @router.get("/report.html")
 async def page(name: str, admin: ActDep, web: WebDep) -> Response:
-    """The page of the report. It may use nothing but what is in it, and runs apart from our own pages (sandbox)."""
+    """Show the report. It may use only what the page contains, and runs isolated from our own pages (sandbox)."""
     archive = await _archive(web, name, admin)
     text = await asyncio.to_thread(_page_of, archive)
     return HTMLResponse(text, headers={"Content-Security-Policy": _policy(), "Cache-Control": "no-store"})
@@ -54,7 +54,7 @@ async def page(name: str, admin: ActDep, web: WebDep) -> Response:
 
 @router.post("/report.zip")
 async def download(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
-    """The page, the table of results, the quality of each episode and the figures."""
+    """Send the page, the table of results, the quality of each episode and the figures."""
     archive = await _archive(web, name, admin)
     await web.database.write(audit.add, admin.name, "download report", {"study": name})
     headers = {"Content-Disposition": f'attachment; filename="{name}-report.zip"', "Cache-Control": "no-store"}
@@ -101,7 +101,8 @@ def _page_of(archive: bytes) -> str:
 
 
 def _policy() -> str:
-    """Styles stand in the page and in its figures, so they cannot be listed; of scripts, only the report's own runs."""
+    """Return the page's content security policy. Styles are in the page and in its figures, so they cannot be listed;
+    of scripts, only the report's own runs."""
     script = base64.b64encode(hashlib.sha256((ROOT / "analysis" / "report.js").read_bytes()).digest()).decode()
     return (
         f"default-src 'none'; script-src 'sha256-{script}'; style-src 'unsafe-inline'; img-src data:; "

@@ -122,7 +122,8 @@ async def begin_session(web: Web, name: str, before: AdminSession | None) -> str
 
 
 def set_cookie(response: Response, token: str, *, secure: bool) -> None:
-    """Until the browser is closed, for our own pages below /admin only; no script sees it."""
+    """Set the session cookie: until the browser is closed, for our own pages below /admin only, and invisible to
+    scripts."""
     name = cookie_name(COOKIE, secure)
     response.set_cookie(name, token, path=PATH, secure=secure, httponly=True, samesite="strict")
 

@@ -39,7 +39,7 @@ async def login_page(request: Request) -> Response:
 
 @router.post("/login")
 async def login(request: Request, web: WebDep, form: AdminFormDep, services: ServicesDep) -> Response:
-    """A new session, whatever session there was; too many wrong passwords have to wait."""
+    """Begin a new session, whatever session there was; after too many wrong passwords the client has to wait."""
     name = first(form, "name")[:128]
     try:
         outcome, stored = await researcher_auth.sign_in(
@@ -69,7 +69,7 @@ def _login_refused(request: Request, form: Form, status: int, words: str, wait_s
 
 @router.post("/logout")
 async def logout(admin: WatchDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
-    """The session is over, also where its cookie was copied to."""
+    """End the session everywhere, also where its cookie was copied to."""
     await web.database.write(admins.close_session, admin.token_hash)
     await web.database.write(audit.add, admin.name, "sign out")
     response = back_to("/admin/login")
@@ -79,7 +79,7 @@ async def logout(admin: WatchDep, web: WebDep, form: AdminFormDep) -> Response: 
 
 @router.get("")
 async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
-    """All studies of this server, also those that a restart does not serve any more because they are closed."""
+    """List all studies of this server, including closed ones that are no longer served after a restart."""
     paused = await web.database.read(decisions.paused_studies)
     closed = await web.database.read(study_openings.closed)
     rows = []
@@ -112,7 +112,7 @@ async def blind(admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
     hide = first(form, "blind") == "on"
 
     def change(connection: Connection) -> None:
-        """Together: conditions are never shown without a line in the audit log."""
+        """Change both together: conditions are never shown without a line in the audit log."""
         admins.set_blind(connection, admin.token_hash, hide)
         audit.add(connection, admin.name, "blind mode on" if hide else "blind mode off")
 
@@ -157,7 +157,7 @@ async def change_account(account: str, action: str, admin: OwnDep, web: WebDep, 
 
 @router.get("/s/{name}")
 async def dashboard(request: Request, name: str, admin: WatchDep, services: ServicesDep) -> Response:
-    """The live overview of one study; what moves in it comes by websocket."""
+    """Show the live overview of one study; live data comes by websocket."""
     web, versions = services.web, services.versions
     study_ids, study = study_at(web, name)
     stops = {
@@ -169,16 +169,16 @@ async def dashboard(request: Request, name: str, admin: WatchDep, services: Serv
     new = changed if changed is not None and not changed.problem and admin.may("act") else None
     served = None if stops["closed"] else versions.file_of(name)
     context: dict[str, Any] = stops | {"versions": len(study_ids), "new": new, "address": page.study_address(name)}
-    context["doubts"] = []
+    context["warnings"] = []
     if served is not None:
         changed_since = await web.database.read(changed_models, name, served.sha256, versions.fingerprint)
-        context["doubts"] = [*changed_since, *await asyncio.to_thread(warnings_of, served)]
+        context["warnings"] = [*changed_since, *await asyncio.to_thread(warnings_of, served)]
     return page.render("dashboard.html", tab="live", study=study, **context)
 
 
 @router.get("/s/{name}/games")
 async def games(request: Request, name: str, admin: WatchDep, services: ServicesDep) -> Response:
-    """The latest episodes of a study, each to be replayed."""
+    """List the latest episodes of a study, each with a link to its replay."""
     web = services.web
     study_ids, study = study_at(web, name)
     played = await web.database.read(overview.latest, study_ids)
@@ -188,7 +188,7 @@ async def games(request: Request, name: str, admin: WatchDep, services: Services
 
 @router.get("/s/{name}/person/{person}")
 async def person_page(request: Request, name: str, person: str, admin: WatchDep, services: ServicesDep) -> Response:
-    """Everything about one participant but what is personal."""
+    """Show everything about one participant except personal data."""
     web = services.web
     study_ids, study = study_at(web, name)
     found = await web.database.read(overview.person, person)
@@ -213,7 +213,7 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
 
 @router.get("/s/{name}/latency.json")
 async def latency_history_of(name: str, admin: WatchDep, services: ServicesDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
-    """People of the study and lateness of the server over time."""
+    """Return the number of people in the study and the lateness of the server over time."""
     study_ids, _ = study_at(services.web, name)
     return {
         "machine": services.latency_history.to_columns(),
@@ -223,7 +223,7 @@ async def latency_history_of(name: str, admin: WatchDep, services: ServicesDep) 
 
 @router.get("/s/{name}/consort.svg")
 async def consort(name: str, admin: WatchDep, web: WebDep) -> Response:
-    """The flow of participants as a CONSORT diagram."""
+    """Return the flow of participants as a CONSORT diagram."""
     context = await consort_of(web, name, admin.blind)
     svg = web.templates.get_template("admin/consort.svg.j2").render(context)
     headers = {"Cache-Control": "no-store", "Content-Disposition": f'attachment; filename="{name}-consort.svg"'}
@@ -241,17 +241,17 @@ async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
 
 @router.get("/s/{name}/quality.json")
 async def quality_of(name: str, admin: WatchDep, services: ServicesDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
-    """What the quality rules say of the latest episodes; `waiting`: how many are still to be checked."""
+    """Return what the quality rules say about the latest episodes; `waiting`: how many are still to be checked."""
     study_ids, _ = study_at(services.web, name)
     quality = services.dashboard.quality
-    waiting = await quality.look(study_ids)
+    waiting = await quality.check_new(study_ids)
     played = [one.id for one in await services.web.database.read(overview.latest, study_ids)]
     found = {episode: proposal for episode in played if (proposal := quality.of(episode))}
     return {"waiting": waiting, "proposals": {each: [one.proposal, one.rules] for each, one in found.items()}}
 
 
 async def _games(services: Services, study: Study, played: list[Played]) -> list[dict[str, Any]]:
-    """Rows of a table of games, with what the rules and the researcher say of each."""
+    """Return the rows of a table of games, with what the rules and the researcher say about each."""
     people = list({one.participant_id for one in played})
     held = await services.web.database.read(decisions.exclusions_of, people)
     reasons = {one.episode_id or one.participant_id: one.reason for one in held}

@@ -82,7 +82,8 @@ def _paused(made: PageResponse) -> Response:
 
 
 def _in_mturk(made: PageResponse, study: Study) -> Response | None:
-    """MTurk shows a study in a frame, where browsers keep no cookies and a game is too small: it opens in a tab."""
+    """Return a page that opens the study in a tab if MTurk shows it in a frame, where browsers keep no cookies and a
+    game is too small; otherwise None."""
     preview = is_preview(study.recruitment, made.request.query_params)
     framed = made.request.headers.get("sec-fetch-dest") in ("iframe", "frame")
     if study.recruitment.source != "mturk" or not (preview or framed):
@@ -191,6 +192,7 @@ def _in_language(made: PageResponse, choice: str) -> PageResponse:
 
 
 def next_person(made: PageResponse, participant: Participant) -> Response:
-    """Only somebody with a code is offered to see it: a place may have been released without one."""
+    """Show the page for the next person. Only somebody with a code is offered to see it: a place may have been released
+    without one."""
     ended = "finished" if participant.completion_code else "ended"
     return made.render("participant/next_person.html", state="active" if participant.status == "active" else ended)

@@ -103,7 +103,7 @@ class Sockets:
         }
 
     async def serve(self, socket: WebSocket, study: str) -> None:
-        """From handshake to close. Foreign pages get a 403 before anything is accepted."""
+        """Serve a socket from handshake to close. Foreign pages get a 403 before anything is accepted."""
         if not self.is_ours(socket):
             log.warning("a websocket from another origin was refused: %s", socket.headers.get("origin", "")[:100])
             return await socket.close(CloseCode.REFUSED)

@@ -54,7 +54,7 @@ def _title(key: str, study: Study, words: Locale) -> str:
 
 
 def _text(key: str, study: Study, condition: Condition, words: Locale) -> str:
-    """What marks are depends on what is drawn, and who the partner is on the study."""
+    """Return the text of a slide: what marks are depends on what is drawn, and who the partner is on the study."""
     human = "_human" if all(agent.human for agent in study.agents) else ""
     if key != "marks":
         return words(f"introduction.{key}{human if key == 'team' else ''}")

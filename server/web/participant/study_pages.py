@@ -41,7 +41,7 @@ ECHOED_CHARACTERS = 16
 
 @router.get("/")
 async def choose(request: Request, web: WebDep) -> Response:
-    """Which study to take part in."""
+    """Ask which study to take part in."""
     closed = await web.database.read(study_openings.closed)
     names = (name for name in web.studies.names() if name not in closed)
     open_studies = [found[1] for name in names if (found := web.studies.open(name))]
@@ -51,7 +51,7 @@ async def choose(request: Request, web: WebDep) -> Response:
 
 
 def _kitchens(study: Study) -> list[tuple[Text, list[str]]]:
-    """Titles and grids of the first kitchens, for their pictures."""
+    """Return titles and grids of the first kitchens, for their pictures."""
     shown = study.layouts[:MAX_PICTURES] if "episodes" in study.flow else []
     return [(kitchen.title, layout_of(kitchen).text.splitlines()) for kitchen in shown]
 

@@ -109,7 +109,7 @@ async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exi
 def debriefing_of(page: PageResponse, participant: Participant) -> Section | None:
     """Return the debriefing of somebody who leaves early and whose condition may have misled them."""
     study = page.web.studies.version(participant.study_id)
-    if study is None:  # it cannot be read any more
+    if study is None:  # it can no longer be read
         return None
     misled = study.condition(participant.condition).misleads
     return study.pages[study.debriefing] if misled and study.debriefing else None
@@ -216,7 +216,8 @@ async def _game(page: PageResponse, participant: Participant, step: StudyStep, _
 
 
 async def _earlier_rounds(page: PageResponse, participant: Participant) -> list[dict[str, int | None]]:
-    """Number and points of each round that the participant has played to its end, for the curve on the result."""
+    """Return number and points of each round that the participant has played to its end, for the curve on the
+    result."""
     played = await page.web.database.read(episodes.of_participant, participant.id)
     return [
         {"number": one.number, "score": one.score} for one in played if one.kind == "episode" and one.status == "done"

@@ -83,7 +83,7 @@ function limitsOf({ minimum, maximum, exclusiveMinimum, exclusiveMaximum }) {
 }
 
 /**
- * Return what may stand in a field, as one would type it; the values of a choice are there already.
+ * Return what a field may contain, as one would type it; a choice already lists its values.
  * @param {PlanNode} node
  */
 function exampleOf({ kind, schema }) {
@@ -277,7 +277,7 @@ export function show(control, node, value, isWaiting) {
     const initial = Array.isArray(node.initial) ? node.initial.join(', ') : node.initial;
     control.placeholder = node.kind !== 'words' && initial !== undefined && initial !== null ? String(initial) : '';
   } else if (words && ![...control.options].some((one) => one.value === words)) {
-    control.append(make('option', { value: words, text: words })); // what is wrong is shown as it stands in the text
+    control.append(make('option', { value: words, text: words })); // an invalid value is shown as it is in the text
   }
   const isTyped = document.activeElement === control && (isWaiting || same(control, node, words));
   if (!isTyped && !isWaiting && control.value !== words) control.value = words;
@@ -285,7 +285,7 @@ export function show(control, node, value, isWaiting) {
 }
 
 /**
- * Whether what is typed already means what stands in the text ("a, " means "a").
+ * Whether what is typed already means the same as the text ("a, " means "a").
  * @param {Control} control
  * @param {PlanNode} node
  * @param {string} words

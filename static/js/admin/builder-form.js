@@ -56,7 +56,7 @@ export class DraftForm {
    */
   show(values, problems, own) {
     this.place.inert = values === null;
-    const words = values === null ? 'correct the YAML to use the form' : 'grey: the default of an empty field';
+    const words = values === null ? 'correct the YAML to use the form' : 'grey: the default if a field is empty';
     find('#form-note', HTMLElement).textContent = words;
     if (values === null) return;
     this.values = values;

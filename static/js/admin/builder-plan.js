@@ -12,8 +12,8 @@
  * @property {string} label
  * @property {string} help
  * @property {boolean} required
- * @property {any} value as it stands in the text; undefined if the key is not there
- * @property {any} initial what the server takes if the key is not there
+ * @property {any} value as it is in the text; undefined if the key is missing
+ * @property {any} initial the value that the server uses if the key is missing
  * @property {Schema} schema
  * @property {PlanNode[]} children
  * @property {string[]} options of a choice

@@ -73,7 +73,7 @@ function showKeyNumbers({ arms, here, rehearsal, minutes, machine, accuracy }, {
 function showSimulated({ simulated, rehearsal }) {
   place('simulated').hidden = simulated === 0;
   const bots = `${simulated} simulated participant${simulated === 1 ? '' : 's'}`;
-  place('simulated').textContent = rehearsal ? `${bots}: no evidence about people` : `${bots}, counted apart`;
+  place('simulated').textContent = rehearsal ? `${bots}: no evidence about people` : `${bots}, counted separately`;
 }
 
 /** @param {Researcher.Figures['minutes']} minutes */

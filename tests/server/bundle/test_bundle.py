@@ -63,7 +63,7 @@ def test_the_same_study_makes_the_same_bytes(bundle: Path) -> None:
 def test_a_bundle_is_never_written_over(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = bundle.read_bytes()
     assert kitchenmind.main(["bundle", str(QUICK), "--out", str(bundle)]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
     assert bundle.read_bytes() == before
 
 

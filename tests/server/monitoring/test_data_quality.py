@@ -29,7 +29,7 @@ async def test_a_round_of_two_is_checked_once_and_counts_for_both(
 
     monkeypatch.setattr(data_quality, "_proposals", proposals)
     quality = DataQuality(database)
-    assert [await quality.look((study.id,)) for _ in range(2)] == [0, 0]
+    assert [await quality.check_new((study.id,)) for _ in range(2)] == [0, 0]
     assert checked == [episode]
     assert quality.by_person() == {person: Counter(look=1) for person in people}
     assert quality.of(episode) == EpisodeQuality("look", "idle")

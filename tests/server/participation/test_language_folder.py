@@ -31,17 +31,17 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "locales" / "tlh.yaml"
 
 
-def doubts() -> list[str]:
+def warnings() -> list[str]:
     return [problem.text for problem in view(STUDY).problems]
 
 
 def test_a_language_appears_in_the_study_builder_without_a_restart(tmp_path: Path, file: Path) -> None:
     folder = LanguageFolder(tmp_path)
     folder.refresh()
-    assert "no words in 'tlh'" in doubts()[0]
+    assert "no words in 'tlh'" in warnings()[0]
     file.write_text("name: tlhIngan Hol\n", encoding="utf-8")
     folder.refresh()
-    assert doubts() == []
+    assert warnings() == []
     assert locales.locale("tlh").name == "tlhIngan Hol"
 
 
@@ -54,13 +54,13 @@ def test_a_changed_word_is_used_and_a_broken_file_is_refused_with_its_line(tmp_p
     assert locales.locale("tlh").name == "another"
     file.write_text("name: [\n", encoding="utf-8")
     folder.refresh()
-    (words,) = doubts()
+    (words,) = warnings()
     assert "tlh.yaml:" in words
     assert "cannot be used" in words
     assert locales.locale("tlh").name == "another", "participants keep the words that work"
     file.write_text("name: good again\n", encoding="utf-8")
     folder.refresh()
-    assert (doubts(), locales.locale("tlh").name) == ([], "good again")
+    assert (warnings(), locales.locale("tlh").name) == ([], "good again")
 
 
 def test_a_file_that_breaks_after_it_was_read_breaks_no_page(tmp_path: Path, file: Path) -> None:

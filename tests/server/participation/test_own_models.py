@@ -16,12 +16,12 @@ from server.participation.kitchen_files import write_kitchens
 from server.participation.own_kitchens import drawn_grids, keep_own_models, trained_models, with_own_models
 from server.participation.training_commands import is_file_ready, own_names_of, training_commands
 from server.playable_studies import playable_studies
+from server.prediction_warnings import prediction_warnings
 from server.required_models import WEIGHTS, required_models
 from server.settings import Settings, own_models_here
 from server.study.loader import StudyError, StudyFile, parse_study
 from server.study.pinned_checkpoints import with_checkpoints
 from server.study_check import stage_problems
-from server.study_doubts import doubts
 from tests.support.page_site import SMALL_STUDY
 
 RING = WEIGHTS / "coordination_ring"
@@ -90,7 +90,7 @@ def test_a_grid_with_the_name_of_a_bundled_kitchen_gets_neither_its_agents_nor_i
     """The commands would train for the bundled grid, and its agents cannot play in this one."""
     text = MINE.replace("name: nook", "name: cramped_room").replace("{name: mine}", agent)
     file = with_own_models(parse_study(text), trained)
-    first, *found = [*stage_problems(file), *doubts(file)]
+    first, *found = [*stage_problems(file), *prediction_warnings(file)]
     assert first.warning
     assert first.reason == "'cramped_room' is a bundled kitchen with another grid"
     assert found

@@ -77,7 +77,7 @@ async def test_somebody_who_still_waits_gets_the_next_as_partner(arrivals: Arriv
     assert arrivals.come().condition == waits.condition
 
 
-async def test_whoever_has_met_a_partner_or_plays_alone_waits_for_nobody(arrivals: Arrivals) -> None:
+async def test_a_participant_who_has_met_a_partner_or_plays_alone_waits_for_nobody(arrivals: Arrivals) -> None:
     seating = Seating(arrivals.database, arrivals.studies, lambda layout, model: None, "test")
     first, second, third = arrivals.come(), arrivals.come(), arrivals.come()
     for one in (first, second, third):

@@ -74,27 +74,27 @@ def test_a_changed_file_is_reported_with_its_problems_until_it_is_as_served(
     alerts = Alerts(
         site.services.live, tmp_path / "site.db", lambda alert, over: told.append(f"{over} {alert.text}"), versions
     )
-    versions.look()
+    versions.find_changes()
     assert versions.changed == {}
     change(file, "seed: 11", "seed: 12")
-    versions.look()
-    asyncio.run(alerts.look())
+    versions.find_changes()
+    asyncio.run(alerts.check())
     assert told[-1].startswith("False small: the study file has changed (now ")
     assert "The dashboard of the study offers the new version." in told[-1]
     change(file, "seed: 12", "sed: 12")
-    versions.look()
+    versions.find_changes()
     assert "unknown key 'sed'" in versions.changed["small"].problem
     change(file, "sed: 12", "seed: 12")
     change(file, "planner, predictor: random", "planner, predictor: mistyped")
-    versions.look()
+    versions.find_changes()
     assert (
         "the kitchen coordination_ring has no trained predictor called 'mistyped'" in versions.changed["small"].problem
     )
     file.write_text(SMALL_STUDY, encoding="utf-8")
     os.utime(file, ns=(10**18, 10**18))
-    versions.look()
+    versions.find_changes()
     assert versions.changed == {}
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert told[-1].startswith("True ")
 
 
@@ -107,7 +107,7 @@ def test_the_dashboard_offers_the_new_version_and_serves_it_to_those_who_come_th
     offer = "Serve the new version"
     assert offer not in researcher.get("/admin/s/small").text
     change(file, *OTHER_AGENT)
-    versions.look()
+    versions.find_changes()
     assert offer not in watcher.get("/admin/s/small").text
     assert offer in researcher.get("/admin/s/small").text
     answer = researcher.post("/admin/s/small/version", note="another agent")
@@ -132,7 +132,7 @@ def test_a_version_whose_models_do_not_load_changes_nothing(
 ) -> None:
     before = site.studies.open("small")
     change(file, *OTHER_AGENT)
-    versions.look()
+    versions.find_changes()
     models.broken = True
     researcher = signed_in(site, "act")
     researcher.get("/admin/s/small")
@@ -171,5 +171,5 @@ def test_a_process_that_is_started_again_serves_what_the_others_serve(
     versions = StudyVersions(settings, [newest], models, studies, others)  # type: ignore[arg-type]
     asyncio.run(versions.begin(site.database, joins=True))
     assert studies.open("small") == at_the_start
-    versions.look()
+    versions.find_changes()
     assert versions.changed["small"].sha256 == newest.sha256

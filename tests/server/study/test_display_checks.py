@@ -3,10 +3,10 @@
 import pytest
 
 from server.participation.episode_specs import episode_spec, lessons
+from server.prediction_warnings import prediction_warnings
 from server.study.loader import StudyError, parse_study
 from server.study.steps import steps
 from server.study_check import stage_problems
-from server.study_doubts import doubts
 from tests.support.study_text import SMALL_STUDY, study_head
 
 START, END = SMALL_STUDY.index("conditions:\n"), SMALL_STUDY.index("agents:\n")
@@ -85,4 +85,4 @@ def test_an_intention_display_without_a_predictor_of_intentions_is_refused_with_
 @pytest.mark.parametrize(("practice", "warned"), [("guide", True), ("carrier", False)])
 def test_a_practice_that_shows_no_intention_is_a_warning(practice: str, warned: bool) -> None:
     file = parse_study(study_head("small", "Small") + SP.format(predictor=", predictor: guide", practice=practice))
-    assert any("the practice shows no intention" in one.reason for one in doubts(file)) == warned
+    assert any("the practice shows no intention" in one.reason for one in prediction_warnings(file)) == warned

@@ -137,7 +137,7 @@ def test_the_form_of_a_condition_chooses_its_predictor() -> None:
         (
             "factors: {a: {x: {}, x_y: {}}, b: {y_z: {}, z: {}}}\n",
             "factors:",
-            "'x_y_z' is there twice",
+            "'x_y_z' occurs twice",
         ),
         (
             f"factors: {{a: {{{'x' * 30}: {{}}, y: {{}}}}, b: {{{'z' * 30}: {{}}, z: {{}}}}}}\n",
@@ -157,7 +157,7 @@ def test_the_form_of_a_condition_chooses_its_predictor() -> None:
         (
             NAMED + "primary: {effect: [opacity, opacity]}\n",
             "primary:",
-            "effect.1: 'opacity' is there twice. Name each",
+            "effect.1: 'opacity' occurs twice. Name each",
         ),
         (
             NAMED + "primary: {test: welch}\n",

@@ -155,4 +155,4 @@ def test_a_change_that_cannot_be_written_gives_a_reason(words: tuple[str, ...], 
 
 
 def test_a_file_of_the_template_is_what_is_looked_for(tmp_path: Path) -> None:
-    assert own_languages.file_beside(tmp_path, "pt-BR") == tmp_path / "locales" / "pt-BR.yaml"
+    assert own_languages.language_file(tmp_path, "pt-BR") == tmp_path / "locales" / "pt-BR.yaml"

@@ -99,7 +99,7 @@ def test_a_scale_without_words_in_a_language_of_the_study_is_refused() -> None:
 
 def test_an_item_does_not_come_twice_on_a_page() -> None:
     own = "{key: tlx_effort, type: scale, text: {en: E, zh: E}, low: 1, high: 7}\n      - "
-    with pytest.raises(StudyError, match="'tlx_effort' is there twice"):
+    with pytest.raises(StudyError, match="'tlx_effort' occurs twice"):
         parse_study(small_with(own + "{type: published, scale: nasa_tlx_raw}"))
 
 

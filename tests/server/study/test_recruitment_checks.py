@@ -14,20 +14,22 @@ PAID = "{source: prolific, required: true, completed: {code: C1ABCDEF}"
 
 
 def warnings(recruitment: str, more: str = "") -> list[str]:
-    return [one.text for one in parse_study(f"{NOBODY_SCREENED_OUT}\nrecruitment: {recruitment}\n{more}").doubts]
+    return [
+        one.text for one in parse_study(f"{NOBODY_SCREENED_OUT}\nrecruitment: {recruitment}\n{more}").placed_warnings
+    ]
 
 
 @pytest.mark.parametrize("source", ["prolific", "mturk", "sona"])
 def test_a_recruiters_link_without_an_id_is_pointed_out_and_refused_with_one_click(source: str) -> None:
     text = f"{NOBODY_SCREENED_OUT}\nrecruitment: {{source: {source}, completed: {{code: C1ABCDEF}}}}\n"
-    (doubt,) = [one for one in view(text).problems if one.path == ("recruitment",)]
-    assert "can take part again" in doubt.text
-    assert doubt.warning
-    assert doubt.fix is not None
-    file = view(changed(text, dict(doubt.fix.operation))).file
+    (warning,) = [one for one in view(text).problems if one.path == ("recruitment",)]
+    assert "can take part again" in warning.text
+    assert warning.warning
+    assert warning.fix is not None
+    file = view(changed(text, dict(warning.fix.operation))).file
     assert file is not None
     assert file.study.recruitment.required
-    assert not file.doubts
+    assert not file.placed_warnings
 
 
 def test_people_whom_prolific_pays_need_a_code_where_attention_checks_or_the_quiz_screen_them_out() -> None:
@@ -35,7 +37,7 @@ def test_people_whom_prolific_pays_need_a_code_where_attention_checks_or_the_qui
     assert not warnings(f"{PAID}}}")
     (words,) = warnings(f"{PAID}}}", screens)
     assert "people who are screened out get no code" in words
-    in_quiz = parse_study(f"{SMALL_STUDY}\nrecruitment: {PAID}}}\n").doubts
+    in_quiz = parse_study(f"{SMALL_STUDY}\nrecruitment: {PAID}}}\n").placed_warnings
     assert [one.path for one in in_quiz] == [("recruitment",)]
     assert not warnings(f"{PAID}, screened_out: {{code: C2SCREEN}}}}", screens)
     assert not warnings("{source: sona, required: true}", screens)
@@ -46,25 +48,25 @@ def test_people_whose_partner_does_not_come_need_a_code_that_prolific_knows() ->
     pairs = re.sub(r"(?m)^(waiting_room|recruitment):.*\n(  .*\n)*", "", pairs)
     leaves, stays = "waiting_room: {fallback: leave}", "waiting_room: {fallback: agent}"
 
-    def doubts(recruitment: str, waiting_room: str) -> list[str]:
+    def warnings(recruitment: str, waiting_room: str) -> list[str]:
         text = f"{pairs}\nrecruitment: {recruitment}\n{waiting_room}\n"
-        return [one.text for one in parse_study(text).doubts if "partner" in one.text]
+        return [one.text for one in parse_study(text).placed_warnings if "partner" in one.text]
 
-    (words,) = doubts(f"{PAID}}}", leaves)
+    (words,) = warnings(f"{PAID}}}", leaves)
     assert "a code that Prolific does not know" in words
-    assert not doubts(f"{PAID}}}", stays)
-    assert not doubts(f"{PAID}, unpaired: {{code: C4ALONE}}}}", leaves)
+    assert not warnings(f"{PAID}}}", stays)
+    assert not warnings(f"{PAID}, unpaired: {{code: C4ALONE}}}}", leaves)
 
 
 def test_an_odd_quota_of_a_study_for_two_is_pointed_out_and_corrected_with_one_click() -> None:
     pairs = (ROOT / "studies" / "two_people.yaml").read_text(encoding="utf-8")
     odd = pairs.replace("{name: tom, predictor: tom}", "{name: tom, predictor: tom, quota: 45}")
     assert odd != pairs
-    (doubt,) = [one for one in view(odd).problems if "quota" in one.path]
-    assert "of 45 people, one finds no partner" in doubt.text
-    assert doubt.warning
-    assert doubt.fix is not None
-    even = changed(odd, dict(doubt.fix.operation))
+    (warning,) = [one for one in view(odd).problems if "quota" in one.path]
+    assert "of 45 people, one finds no partner" in warning.text
+    assert warning.warning
+    assert warning.fix is not None
+    even = changed(odd, dict(warning.fix.operation))
     assert "quota: 46" in even
     assert not [one for one in view(even).problems if "quota" in one.path]
     alone = SMALL_STUDY.replace("predictor: tom}", "predictor: tom, quota: 45}", 1)
@@ -74,12 +76,12 @@ def test_an_odd_quota_of_a_study_for_two_is_pointed_out_and_corrected_with_one_c
 def test_an_odd_quota_of_all_combinations_of_levels_is_pointed_out_once() -> None:
     pairs = (ROOT / "studies" / "two_people.yaml").read_text(encoding="utf-8")
     pairs = re.sub(r"(?m)^conditions:\n(  - .*\n)*", "factors: {prediction: [none, tom]}\ncells: {quota: 45}\n", pairs)
-    (doubt,) = [one for one in view(pairs).problems if "quota" in one.text or "quota" in one.path]
-    assert "of 45 people in each condition, one finds no partner" in doubt.text
-    assert doubt.warning
-    assert doubt.path == ("cells", "quota")
-    assert doubt.fix is not None
-    even = changed(pairs, dict(doubt.fix.operation))
+    (warning,) = [one for one in view(pairs).problems if "quota" in one.text or "quota" in one.path]
+    assert "of 45 people in each condition, one finds no partner" in warning.text
+    assert warning.warning
+    assert warning.path == ("cells", "quota")
+    assert warning.fix is not None
+    even = changed(pairs, dict(warning.fix.operation))
     assert "cells: {quota: 46}" in even
     assert not [one for one in view(even).problems if "partner" in one.text]
 

@@ -93,7 +93,7 @@ def test_models_of_all_blocks_are_loaded() -> None:
         (
             "within: [prediction]",
             "within: [opacity, opacity]",
-            "cells.within.1: 'opacity' is there twice. Name each once",
+            "cells.within.1: 'opacity' occurs twice. Name each once",
         ),
         (
             "quota: 3",

@@ -208,7 +208,7 @@ def _kill_a_model_worker(pid: int) -> None:
 def _is_model_worker(pid: int) -> bool:
     try:
         return b"models.inference.worker" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:  # there is none any more
+    except OSError:  # it is gone
         return False
 
 

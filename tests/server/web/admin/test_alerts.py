@@ -23,7 +23,7 @@ from tests.support.page_site import PageSite, Visitor
 def test_alerts_are_posted_when_they_begin_and_when_they_are_over(site: PageSite, tmp_path: Path) -> None:
     told: list[tuple[str, bool]] = []
     alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert told == []
     loop = site.services.live.games.loop
     for late_ms in [3.0] * 50 + [90.0]:
@@ -31,13 +31,13 @@ def test_alerts_are_posted_when_they_begin_and_when_they_are_over(site: PageSite
     Visitor(site).consent("small")
     person = site.only("small").id
     site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "a secret"}))
-    asyncio.run(alerts.look())
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
+    asyncio.run(alerts.check())
     assert sorted(told) == [("late", False), (f"trouble {person}", False)], "each once"
     assert not any("secret" in alert.text for alert in alerts.open.values())
     assert str(alerts.shown("small")[0]["text"]).startswith("Timesteps come late: 90 ms")
     loop.lateness = Lateness()
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert told[-1] == ("late", True)
 
 
@@ -49,7 +49,7 @@ def test_the_errors_of_one_browser_do_not_hide_those_of_another(site: PageSite, 
     now = datetime.now(UTC)
     for person in (people[0], *[people[1]] * 30):
         site.database.write_now(events.add, events.Event("trouble", now, person, detail={"text": "x"}))
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert sorted(alerts.open) == sorted(f"trouble {person}" for person in people)
 
 
@@ -61,15 +61,15 @@ def test_an_alert_of_a_study_is_not_over_because_the_database_cannot_be_read(
     Visitor(site).consent("small")
     person = site.only("small").id
     site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "x"}))
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
 
     async def down(*_: object) -> None:
         raise DatabaseDown("away")
 
     with monkeypatch.context() as outage:
         outage.setattr(site.database, "read", down)
-        asyncio.run(alerts.look())
-    asyncio.run(alerts.look())
+        asyncio.run(alerts.check())
+    asyncio.run(alerts.check())
     assert told == [(f"trouble {person}", False), ("unreadable", False), ("unreadable", True)]
 
 
@@ -77,11 +77,11 @@ def test_an_alert_reports_people_who_consent_and_do_nothing(site: PageSite, tmp_
     alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
     for _ in range(invented_participants.FEWEST):
         Visitor(site).consent("small")
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert alerts.open == {}
     earlier = {"started_at": datetime.now(UTC) - timedelta(minutes=15)}
     site.database.write_now(lambda connection: connection.execute(participants_table.update().values(earlier)))
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert list(alerts.open) == ["silent small"]
     assert "have done nothing since" in str(alerts.shown("small")[0]["text"])
 
@@ -91,18 +91,18 @@ def test_an_alert_has_the_newest_figure_and_ends_when_no_recent_tick_was_late(si
     alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
     loop = site.services.live.games.loop
     loop.lateness.add(1274.0)
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     (first,) = alerts.open.values()
     loop.lateness = Lateness()
     loop.lateness.add(1274.0, time.monotonic() - LATELY_S - 1)  # long ago
     loop.lateness.add(61.0)
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     (second,) = alerts.open.values()
     assert ("1274 ms" in first.text, "61 ms" in second.text) == (True, True)
     assert second.since == first.since, "it is still the same alert"
     loop.lateness = Lateness()
     loop.lateness.add(1274.0, time.monotonic() - LATELY_S - 1)  # the last tick there was
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert alerts.open == {}
     assert told == [("late", False), ("late", True)]
 
@@ -120,7 +120,7 @@ def test_of_several_processes_one_posts_the_alerts_of_all(site: PageSite, tmp_pa
     site.services.live.peers = several = Several()
     for several.other, told in (("another", []), ("the last", [f"trouble {person}"])):
         alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
-        asyncio.run(alerts.look())
+        asyncio.run(alerts.check())
         assert list(alerts.open) == told
 
 
@@ -193,10 +193,10 @@ def test_an_alert_reports_a_database_that_somebody_moved_until_it_is_back(site: 
     file = tmp_path / "file.db"
     file.touch()
     alerts = Alerts(site.services.live, file, lambda *_: None)
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     file.rename(tmp_path / "moved.db")
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert "was moved or deleted: nothing is stored" in str(alerts.shown("small")[0]["text"])
     (tmp_path / "moved.db").rename(file)
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert list(alerts.open) == []

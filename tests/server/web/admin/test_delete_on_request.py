@@ -27,7 +27,7 @@ def test_a_researcher_with_the_role_act_deletes_a_participant_on_request(site: P
     assert "Delete on request" in page.text
     answer = researcher.post(f"/admin/s/small/person/{person}/delete", note="asked by mail", next="/admin")
     assert answer.url.path == "/admin/s/small"
-    assert "The participant is deleted, which" in answer.text
+    assert "The participant is deleted. The audit log records it" in answer.text
     stored = everything(site)
     assert person not in stored
     assert episode not in stored

@@ -116,7 +116,7 @@ def test_two_people_who_change_one_kitchen_see_the_conflict(owner: Researcher, s
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ({"name": "Nook!"}, "small letters"),
+        ({"name": "Nook!"}, "lowercase letters"),
         ({"name": "matrix"}, "bundled kitchen"),
         ({"name": "random0"}, "bundled kitchen"),
         ({"grid": GRID.replace("P", "X")}, "there is no pot"),

@@ -69,7 +69,7 @@ def state(researcher: Researcher) -> dict[str, Any]:
 
 
 def ended(researcher: Researcher) -> dict[str, Any]:
-    """The state when nothing is being made any more."""
+    """The state when nothing is being made."""
     until = time.monotonic() + TIMEOUT_S
     while (found := state(researcher))["stage"]:
         assert time.monotonic() < until, found

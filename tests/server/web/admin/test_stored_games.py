@@ -131,7 +131,7 @@ def test_a_game_that_cannot_be_played_again_is_an_alert_until_a_researcher_ends_
     for _ in range(2):
         with pytest.raises(Exception, match="do not lead to the stored state"):
             asyncio.run(games.join(episode, 0, QuietConnection()))
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     (shown,) = alerts.shown("small")
     assert "P-001 cannot continue the game E1" in str(shown["text"])
     page = str(shown["path"])
@@ -143,6 +143,6 @@ def test_a_game_that_cannot_be_played_again_is_an_alert_until_a_researcher_ends_
     assert (stored.status, stored.end_reason, stored.passed) == ("aborted", "researcher", False)
     assert (stored.score, stored.soups, stored.progress) == (260, 0, None)
     assert [entry.action for entry in site.database.read_now(audit.entries)][-1] == "end game"
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert alerts.shown("small") == []
     assert "P-001" in researcher.get(page).text

@@ -13,7 +13,7 @@ def not_served(site: PageSite, name: str) -> None:
 
 
 def finished(site: PageSite) -> tuple[Visitor, str, str]:
-    """Somebody who finished a study that is not served any more: their browser, id and personal code."""
+    """Somebody who finished a study that is no longer served: their browser, id and personal code."""
     visitor = Visitor(site)
     walk_to(visitor, site, "thanks")
     person = site.only("small")

@@ -53,8 +53,8 @@ def test_answers_after_an_episode_belong_to_that_episode(site: PageSite) -> None
         ({"pick": "coffee"}, "Please choose one of the answers."),
         ({"many": ["a", "b", "c"]}, "Please choose between 1 and 2 of the answers."),
         ({"years": "17"}, "Please enter a number from 18 to 99."),
-        ({"words": "x" * 21}, "Please write at most 20 characters; these are 21."),
-        ({"rank__x": "1"}, "Please give every place from 1 to 3 once."),
+        ({"words": "x" * 21}, "Please write at most 20 characters; your answer has 21."),
+        ({"rank__x": "1"}, "Please use each place from 1 to 3 exactly once."),
     ],
 )
 def test_wrong_answer_is_refused_at_its_field_and_nothing_else_is_lost(

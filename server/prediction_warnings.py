@@ -18,14 +18,14 @@ from server.study.loader import StudyFile
 _RENAME: Final = "give this grid another name before you train for it: a bundled kitchen has this one."
 
 
-def doubts(file: StudyFile) -> Iterator[Problem]:
+def prediction_warnings(file: StudyFile) -> Iterator[Problem]:
     """Yield warnings about predictions that are shown and have no relation to the participants' partner. Loads no
     model."""
     study, required = file.study, required_models([file])
     yield from _untrained(study, required)
     if not shown_words(study):
         return
-    yield from _practice_doubts(study)
+    yield from _practice_warnings(study)
     for index, agent in enumerate(study.agents):
         place: Path = ("agents", index, "predictor")
         if agent.predictor in WITHOUT_WEIGHTS and agent.predictor != agent.catalogue_name:
@@ -130,7 +130,7 @@ def _guessing(study: Study, agent: PartnerSettings, place: Path, required: Requi
     return Problem(place, reason, f"Is that intended? If not, {remedy}", warning=True)
 
 
-def _practice_doubts(study: Study) -> Iterator[Problem]:
+def _practice_warnings(study: Study) -> Iterator[Problem]:
     """Yield a warning about a practice game that should teach intentions with an agent that has none: the guide only
     walks."""
     has_intentions = any(study.drawn(arm) in ("intention", "both") for arm in study.conditions)
