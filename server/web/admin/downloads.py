@@ -19,6 +19,10 @@ from server.web.services import ServicesDep
 router = APIRouter(prefix="/admin/s/{name}")
 CHUNK_BYTES = 256 * 1024
 TIMEOUT_S = 600
+_BUSY = "Another export is being made. Go back, and try again in a minute."
+_SLOW = (
+    "The export took too long: games come first. Run `kitchenmind export` on the server, or try again later."
+)
 _one_at_a_time = asyncio.Lock()
 
 
@@ -29,7 +33,7 @@ async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFor
     if admin.blind:
         raise HTTPException(409, "An export shows the conditions. Turn blind mode off first.")
     if _one_at_a_time.locked():
-        raise HTTPException(503, "another export is being made", {"Retry-After": "30"})
+        raise HTTPException(503, _BUSY, {"Retry-After": "30"})
     async with _one_at_a_time:  # taken before anything else is awaited
         await services.web.database.write(audit.add, admin.name, "export", {"study": name})
         folder = TemporaryFolder("export")
@@ -49,6 +53,8 @@ async def _make(folder: Path, study: str, database: str) -> Path:
     process = await asyncio.to_thread(start)
     try:
         output, _ = await asyncio.to_thread(process.communicate, timeout=TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        raise HTTPException(503, _SLOW, {"Retry-After": "600"}) from None
     finally:
         if process.poll() is None:
             process.kill()

@@ -2,7 +2,10 @@
 
 import dataclasses
 import re
+import subprocess
+import sys
 from datetime import UTC, datetime, timedelta
+from typing import Any
 from xml.etree import ElementTree
 
 import msgspec
@@ -15,6 +18,7 @@ from server.play.recorder import EpisodeResult, InputRecord, PauseRecord
 from server.store import audit, decisions, episodes, inputs, overview, participants
 from server.store.database import DatabaseDown
 from server.store.tables import metadata
+from server.web.admin import downloads
 from tests.support.page_site import PageSite, Visitor
 from tests.support.researcher_site import played, signed_in
 
@@ -239,6 +243,26 @@ def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: Page
     names = zipfile.ZipFile(io.BytesIO(archive.content)).namelist()
     assert any(name.endswith("dataset_description.json") for name in names)
     assert "export" in [entry.action for entry in site.database.read_now(audit.entries)]
+
+
+def test_an_export_that_takes_too_long_is_given_up_with_the_remedy(
+    site: PageSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[subprocess.Popen[bytes]] = []
+
+    def sleeping(*_: str, **__: Any) -> subprocess.Popen[bytes]:
+        started.append(subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], stdout=subprocess.PIPE))
+        return started[-1]
+
+    monkeypatch.setattr(downloads, "start_module", sleeping)
+    monkeypatch.setattr(downloads, "TIMEOUT_S", 0.05)
+    researcher = signed_in(site, "act")
+    researcher.get("/admin/s/small")
+    researcher.post("/admin/blind", blind="off", next="/admin/s/small")
+    refused = researcher.post("/admin/s/small/export")
+    assert (refused.status_code, refused.headers["retry-after"]) == (503, "600")
+    assert "Run `kitchenmind export` on the server, or try again later." in refused.text
+    assert started[0].wait(10) != 0, "its process has ended"
 
 
 def test_researchers_get_errors_in_their_own_pages(site: PageSite) -> None:
