@@ -20,9 +20,7 @@ router = APIRouter(prefix="/admin/s/{name}")
 CHUNK_BYTES = 256 * 1024
 TIMEOUT_S = 600
 _BUSY = "Another export is being made. Go back, and try again in a minute."
-_SLOW = (
-    "The export took too long: games come first. Run `kitchenmind export` on the server, or try again later."
-)
+_SLOW = "The export took too long: games come first. Run `kitchenmind export` on the server, or try again later."
 _one_at_a_time = asyncio.Lock()
 
 
@@ -58,6 +56,7 @@ async def _make(folder: Path, study: str, database: str) -> Path:
     finally:
         if process.poll() is None:
             process.kill()
+            await asyncio.to_thread(process.communicate)
     if process.returncode:
         raise HTTPException(500, output.decode(errors="replace")[-300:])
     return folder / "archive.zip"

@@ -146,7 +146,8 @@ function adders(node, context) {
   button.dataset.control = `add ${keyOf(node.path)}`;
   button.addEventListener('click', () => {
     const value = named(blank(root, node.schema.items ?? { type: 'string' }, languages, chosen.value), node);
-    const index = node.children.length;
+    const isFlow = keyOf(node.path) === keyOf(['flow']) && node.children.at(-1)?.value === 'thanks';
+    const index = node.children.length - (isFlow ? 1 : 0); // the last page stays the last
     const where = { path: node.path, value };
     const focus = keyOf([...node.path, index]);
     if (Array.isArray(node.value)) act({ do: 'insert', index, ...where }, focus);

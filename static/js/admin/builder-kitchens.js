@@ -23,22 +23,6 @@ export function drawButton(words, control, open) {
   return button;
 }
 
-/**
- * Return a button for each kitchen that was drawn on this server, below the field that names one. The field's own list
- * shows only names that contain what the field has already, such as the name of a new item: none.
- * @param {Path} path
- * @param {string[]} own
- * @param {(name: string) => void} choose
- */
-export function drawnKitchens(path, own, choose) {
-  if (path.at(-1) !== 'name' || !isKitchen(path.slice(0, -1)) || own.length === 0) return null;
-  const buttons = own.map((name) => drawButton(name, `choose ${name} ${JSON.stringify(path)}`, () => choose(name)));
-  const place = make('div', { className: 'own-models', role: 'group' });
-  place.setAttribute('aria-label', 'Kitchens that were drawn here');
-  place.append(make('span', { className: 'soft small', text: 'Drawn here: ' }), ...buttons);
-  return place;
-}
-
 export class KitchenDialog {
   /**
    * @param {string[]} own the kitchens that were saved on this server
