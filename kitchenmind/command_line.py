@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from kitchenmind import extras
 from kitchenmind.argument_parser import ExactArgumentParser
+from kitchenmind.bundled_studies import use_bundled_studies
 
 # verb -> (module with `add_arguments(parser)` and `run(arguments) -> int`, what it does)
 VERBS: dict[str, tuple[str, str]] = {
@@ -28,7 +29,7 @@ VERBS: dict[str, tuple[str, str]] = {
     ),
     "admin": ("server.commands.admin", "manage researchers' accounts for the dashboard"),
     "person": ("server.commands.person", "find or delete one participant on request"),
-    "study": ("server.commands.study", "create or check a study file, manage its kept models, delete its data"),
+    "study": ("server.commands.study", "create, check or translate a study file, manage kept models, delete its data"),
     "bundle": ("server.commands.bundle", "pack a study into one archive for preregistration"),
     "export": ("server.commands.export", "write a study's data as CSV and Parquet"),
     "verify": (
@@ -86,7 +87,9 @@ def _run(words: list[str]) -> int:
     try:
         module = importlib.import_module(VERBS[verb][0])
         module.add_arguments(verbs.choices[verb])
-        return int(module.run(parser.parse_args(words)))
+        arguments = parser.parse_args(words)
+        use_bundled_studies(arguments)
+        return int(module.run(arguments))
     except ModuleNotFoundError as error:
         if error.name is None or (extras.ROOT / error.name.split(".")[0]).exists():
             raise

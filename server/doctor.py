@@ -192,7 +192,8 @@ def _studies(settings: Settings) -> Iterator[HealthFinding]:
             yield from (HealthFinding("study", "bad", line) for line in error.lines)
             continue
         except OSError as error:
-            yield HealthFinding("study", "bad", f"{path}: {error.strerror}. Correct KITCHENMIND_STUDIES or --study.")
+            reason = error.strerror or "No such file"
+            yield HealthFinding("study", "bad", f"{path}: {reason}. Correct KITCHENMIND_STUDIES or --study.")
             continue
         mild: Grade = "bad" if settings.mode == "production" else "look"
         for warning, line in [*((True, line) for line in file.warnings), *problems]:

@@ -31,7 +31,7 @@ def playable_studies(settings: Settings) -> list[StudyFile]:
         reasons += missing
         if not missing:
             served.append(file)
-    if not served or (reasons and settings.mode == "production"):
+    if reasons and (not served or settings.mode == "production"):
         raise StudyError(reasons)
     for reason in reasons:
         log.warning("a study is not served: %s", reason)

@@ -31,6 +31,7 @@ from overcooked.layout import Layout
 WEIGHTS = Path(__file__).parents[1] / "weights"
 RANDOM = "random"
 SCRIPTED: Final[dict[str, type[Predictor]]] = {"guide": GuidePredictor, "carrier": CarrierPredictor}  # of that agent
+_GUESS_MARGIN: Final = 1e-3  # by which the guessed action of a uniform prediction is more likely
 _INTENTION_DRAWS = 1  # so that errors of intentions do not come with those of actions
 
 
@@ -100,7 +101,9 @@ def _share(name: str, text: str) -> float:
 
 
 class UniformPredictor:
-    """Predict every action with equal probability. (The random condition draws from the episode's seed.)"""
+    """Guess: one action of each step, drawn by the state and the actions before it, is barely more likely than the
+    others. Without it, the first action would always count as the likeliest, and every mark would point north. (The
+    random condition draws from the episode's seed.)"""
 
     memory = 1
 
@@ -108,12 +111,13 @@ class UniformPredictor:
         """Do nothing: this predictor keeps no state."""
 
     def predict(
-        self,
-        slots: NDArray[np.intp],
-        observations: Observations,  # noqa: ARG002
-        last_actions: NDArray[np.int8],  # noqa: ARG002
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
     ) -> Predictions:
-        return np.full((len(slots), STEPS, ACTIONS), 1 / ACTIONS, np.float32)
+        answer = np.full((len(slots), STEPS, ACTIONS), (1 - _GUESS_MARGIN) / ACTIONS, np.float32)
+        for row, (state, actions) in enumerate(zip(observations, last_actions, strict=True)):
+            guesses = np.random.default_rng(_state_number(state, actions)).integers(ACTIONS, size=STEPS)
+            answer[row, np.arange(STEPS), guesses] += np.float32(_GUESS_MARGIN)
+        return answer
 
 
 class DegradedPredictor:

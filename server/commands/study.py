@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema|words|models|delete")
     new = verbs.add_parser("new", help="create a study file that is ready to serve")
     new.add_argument("name", help="the study's name in its address and data, such as pilot_1")
-    new.add_argument("--out", type=Path, help="the file to write (studies/NAME.yaml)")
+    new.add_argument("--out", type=Path, help="the file to write (NAME.yaml here; in a checkout, studies/NAME.yaml)")
     check = verbs.add_parser("check", help="list every mistake in a file: line, reason, fix")
     check.add_argument("file", type=Path, help="the study file")
     add_data_options(
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Return 0 if done, 2 if the name or the file is wrong."""
     if arguments.study_verb == "new":
-        return _new(arguments.name, arguments.out or STUDIES / f"{arguments.name}.yaml")
+        return _new(arguments.name, arguments.out or _folder_for_new() / f"{arguments.name}.yaml")
     if arguments.study_verb == "words":
         return _words(arguments.language, arguments.place)
     if arguments.study_verb == "models":
@@ -60,6 +60,13 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.study_verb == "delete":
         return delete_study.run(arguments)
     return _check(arguments.file, arguments) if arguments.study_verb == "check" else _schema()
+
+
+def _folder_for_new() -> Path:
+    """Return the folder for new files: never the one in which packages are installed."""
+    from server.settings import IS_CHECKOUT
+
+    return STUDIES if IS_CHECKOUT else Path()
 
 
 def _new(name: str, path: Path) -> int:
@@ -87,7 +94,7 @@ def _check(path: Path, arguments: argparse.Namespace) -> int:
         file = load_stored(path, ServerData.of(arguments))
     except StudyError as error:
         return _refuse(*error.lines)
-    except ValueError as error:
+    except (ValueError, FileNotFoundError) as error:
         return _refuse(f"kitchenmind study: {error}")
     except OSError as error:
         return _refuse(f"{path}: {error.strerror}. Give the path of a study file.")

@@ -41,6 +41,11 @@ class Rehearsal:
     failure: str = ""
     began_at: float = field(default_factory=time.time)
 
+    @property
+    def minutes(self) -> int:
+        """How long ago it began."""
+        return int(max(0.0, time.time() - self.began_at) / 60)
+
 
 Note = Callable[[Rehearsal], Awaitable[Any]]
 

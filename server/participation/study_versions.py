@@ -210,7 +210,7 @@ class StudyVersions:
     @property
     def folder(self) -> Path:
         """Where relative paths of models start in a study that was written in the dashboard."""
-        return self._settings.models_folder or self._files[0].folder
+        return self._settings.models_folder or (self._files[0].folder if self._files else Path.cwd())
 
     def as_opened(self, file: StudyFile, grids: Mapping[str, str]) -> StudyFile:
         """Return a study that was written in the dashboard as it would be opened now, with what it names."""

@@ -205,7 +205,7 @@ class Study(StrictModel):
     summary: Text
     """One sentence for the page on which participants choose a study."""
     languages: Annotated[tuple[str, ...], Field(min_length=1)] = ("en",)
-    """The languages of the study's texts."""
+    """The codes of the languages of the study's texts, such as `en` and `zh`."""
     seed: Annotated[int, Field(ge=0, lt=2**63)]
     """The seed of everything random in the study."""
     duration_min: Annotated[int, Field(ge=1, le=600)]

@@ -23,8 +23,23 @@ def factor_problems(study: Study) -> Iterator[Problem]:
                 if owners.setdefault(key, factor) != factor:
                     reason = f"`{key}` is set by the factors {owners[key]!r} and {factor!r}"
                     yield Problem(("factors", factor, level, key), reason, "Set it in the levels of one factor only.")
+    yield from _alike(study)
     yield from _without(study)
     yield from _within(study)
+
+
+def _alike(study: Study) -> Iterator[Problem]:
+    """Warn of levels of a factor that change the same, such as nothing: their conditions differ in their names only."""
+    for factor, levels in study.factors.items():
+        first: dict[str, str] = {}  # by what a level changes: the first level that does
+        for level, settings in levels.items():
+            changed = settings.model_dump_json(include=set(set_by(settings)))
+            other = first.setdefault(changed, level)
+            if other != level:
+                what = "nothing" if changed == "{}" else "the same"
+                reason = f"the levels {other!r} and {level!r} change {what}: participants see the same in both"
+                remedy = f"Give {level!r} a setting, such as `predictor: none`."
+                yield Problem(("factors", factor, level), reason, remedy, warning=True)
 
 
 def _within(study: Study) -> Iterator[Problem]:

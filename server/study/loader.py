@@ -122,7 +122,11 @@ def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> S
     """Return the study in a file, with the languages next to it. `models_folder`: where relative paths of models start,
     if not in the file's folder. Raises StudyError (all problems at once), FileNotFoundError."""
     file = FilePath(path)
-    data = file.read_bytes()
+    try:
+        data = file.read_bytes()
+    except FileNotFoundError:
+        remedy = "Check the path, or make a study file: `kitchenmind study new NAME --out FILE`."
+        raise FileNotFoundError(f"{path}: No such file. {remedy}") from None
     if len(data) > MAX_BYTES:
         raise StudyError([f"{path}:1: the file has {len(data):,} bytes. At most {MAX_BYTES:,} are read."])
     try:

@@ -74,8 +74,11 @@ COLOURS = """() => {
 
 
 @pytest.mark.slow
-def test_kitchens_are_drawn(person: BrowserPerson) -> None:
+def test_kitchens_are_named_and_drawn(person: BrowserPerson) -> None:
     page = person.consent().jump("ready-02").page
+    name = page.locator("p.kitchen").bounding_box()
+    assert name is not None
+    assert name["height"] < 50, "as high as its line, not as the pictures of kitchens"
     expect(page.locator("#scene")).to_have_attribute(
         "aria-label", "The kitchen called Ring with both chefs at their starting places"
     )

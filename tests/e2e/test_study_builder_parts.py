@@ -113,6 +113,14 @@ def test_levels_of_factors_are_changed_in_the_form_and_their_mistakes_shown_at_t
     yaml_of(page).fill(changed.replace('["off", "on"]', "{plain: {}, faded: {confidence_opacity: true}}"))
     expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     expect(at(page, "factors", "opacity", "faded", "confidence_opacity")).to_be_attached()
+    page.get_by_label("Name of a new factor").fill("prediction")
+    page.get_by_role("button", name="Add a factor").click()
+    for level in ("none", "guided", "tom"):
+        page.get_by_label("Name of a new level of Prediction").fill(level)
+        page.locator(place_of("factors", "prediction")).get_by_role("button", name="Add a level").last.click()
+        expect(at(page, "factors", "prediction", level)).to_be_attached()
+    made = parse_study(yaml_of(page).input_value()).study.factors["prediction"]
+    assert {name: level.predictor for name, level in made.items()} == {"none": "none", "guided": None, "tom": "tom"}
 
 
 @pytest.mark.slow
@@ -197,6 +205,19 @@ def test_a_kitchen_is_drawn_by_keyboard_inside_the_form(new_page: NewPage, serve
     expect(at(page, "layouts", 1, "name").locator("input")).to_have_value("nook")
     expect(page.locator("#save-state")).to_have_text("Saved")
     assert "name: nook" in stored(server, draft)
+    page.get_by_role("button", name="Add to layouts").click()
+    at(page, "layouts", 2).get_by_role("button", name="nook", exact=True).click()
+    expect(at(page, "layouts", 2, "name").locator("input")).to_have_value("nook")
+    page.get_by_role("button", name="Remove Layouts 3").click()
+    expect(at(page, "layouts", 2)).to_have_count(0)
+    page.get_by_role("button", name="Add to agents").click()
+    at(page, "agents", 1).get_by_role("button", name="planner", exact=True).click()
+    expect(at(page, "agents", 1, "name").locator("input")).to_have_value("planner")
+    page.get_by_role("button", name="Remove Agents 2").click()
+    expect(at(page, "agents", 1)).to_have_count(0)
+    page.locator("""[data-control='add ["flow"]']""").evaluate("one => one.click()")  # its section is closed
+    expect(yaml_of(page)).to_have_value(re.compile(r"flow: \[introduction, tutorial, episodes, (''|\"\"), thanks\]"))
+    page.click("#undo")
     at(page, "layouts", 1).get_by_role("button", name="Draw this kitchen…").click()
     expect(editor.locator("#name")).to_have_value("nook")
     page.click("#kitchen-close")

@@ -73,10 +73,15 @@ def test_a_degraded_accuracy_above_the_predictors_own_is_refused():
         DegradedPredictor(Knowing(0.7), 0.7, 0.9)
 
 
-def test_uniform_predictor_gives_equal_probabilities():
-    answer = UniformPredictor().predict(SLOTS, np.zeros((4, 5, 5, 26), np.int8), np.zeros((4, 2), np.int8))
-    assert answer.shape == (4, 3, 6)
-    assert np.allclose(answer, 1 / 6)
+def test_a_uniform_prediction_is_nearly_equal_and_each_action_is_its_likeliest_equally_often():
+    observations = np.random.default_rng(4).integers(0, 6, (3000, 2, 2, 26)).astype(np.int8)
+    actions = np.zeros((3000, 2), np.int8)
+    answers = [UniformPredictor().predict(np.arange(3000), observations, actions) for _ in range(2)]
+    assert np.array_equal(*answers)
+    assert answers[0] == pytest.approx(1 / 6, abs=0.001)
+    assert np.allclose(answers[0].sum(-1), 1)
+    for step in range(3):  # what is drawn, and what counts as the prediction
+        assert np.bincount(answers[0][:, step].argmax(-1)) / 3000 == pytest.approx(1 / 6, abs=0.03)
 
 
 def test_names_lead_to_predictors_or_to_an_error_that_lists_them():

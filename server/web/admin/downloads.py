@@ -19,6 +19,8 @@ from server.web.services import ServicesDep
 router = APIRouter(prefix="/admin/s/{name}")
 CHUNK_BYTES = 256 * 1024
 TIMEOUT_S = 600
+_BUSY = "Another export is being made. Go back, and try again in a minute."
+_SLOW = "The export took too long: games come first. Run `kitchenmind export` on the server, or try again later."
 _one_at_a_time = asyncio.Lock()
 
 
@@ -29,7 +31,7 @@ async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFor
     if admin.blind:
         raise HTTPException(409, "An export shows the conditions. Turn blind mode off first.")
     if _one_at_a_time.locked():
-        raise HTTPException(503, "another export is being made", {"Retry-After": "30"})
+        raise HTTPException(503, _BUSY, {"Retry-After": "30"})
     async with _one_at_a_time:  # taken before anything else is awaited
         await services.web.database.write(audit.add, admin.name, "export", {"study": name})
         folder = TemporaryFolder("export")
@@ -50,13 +52,11 @@ async def _make(folder: Path, study: str, database: str) -> Path:
     try:
         output, _ = await asyncio.to_thread(process.communicate, timeout=TIMEOUT_S)
     except subprocess.TimeoutExpired:
-        process.kill()
-        await asyncio.to_thread(process.communicate)
-        reason = f"the export took more than {TIMEOUT_S / 60:.0f} minutes and was stopped, as games come first"
-        raise HTTPException(503, f"{reason}. Try again when fewer people play, or use `kitchenmind export`") from None
+        raise HTTPException(503, _SLOW, {"Retry-After": "600"}) from None
     finally:
         if process.poll() is None:
             process.kill()
+            await asyncio.to_thread(process.communicate)
     if process.returncode:
         raise HTTPException(500, output.decode(errors="replace")[-300:])
     return folder / "archive.zip"

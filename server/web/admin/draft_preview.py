@@ -24,6 +24,8 @@ from server.web.participant.views import consent_context, render_step
 router = APIRouter(prefix="/admin/drafts/{draft}/preview")
 CONSENT: Final = "consent"
 _SEED: Final = 1  # of the participant who is shown
+_CODE: Final = "KM-XXXX-XXXX"  # of the participant who is shown
+_STAYS: Final = "preview_stays"  # the outcome of what a study would do elsewhere, such as leaving it
 _ANY_DEVICE: Final = EntryChecks(width=0, height=0, input=False, websocket=False, latency_ms=None)
 
 
@@ -60,7 +62,7 @@ class PreviewPlace:
     def participant(self, position: int) -> Participant:
         now = datetime.now(UTC)
         here = (self.condition, _SEED, position, "active", self.language)
-        return Participant("preview", 0, 1, 1, *here, True, now, now, None, None)
+        return Participant("preview", 0, 1, 1, *here, True, now, now, None, _CODE)
 
     def kitchen(self, step: StudyStep) -> KitchenChoice:
         """Return where a round or the practice is played."""
@@ -99,8 +101,11 @@ async def step(
     admin: OwnDep,  # noqa: ARG001 - checks who asks
     draft: WholeDraftDep,
 ) -> Response:
-    """Show one page as a participant in the condition sees it."""
+    """Show one page as a participant in the condition sees it. `?lang=zh`, as the page's links have it, leads to the
+    same page in that language."""
     place = place_of(await asyncio.to_thread(_studied, draft), condition, language)
+    if (chosen := request.query_params.get("lang", language)) != language and chosen in place.study.languages:
+        return back_to(f"/admin/drafts/{draft.id}/preview/{condition}/{chosen}/{position}")
     number = number_of(position)
     if number >= len(place.sequence):
         raise HTTPException(404, "the draft no longer has this step")
@@ -143,6 +148,7 @@ def preview_page(request: Request, draft: StudyDraft, place: PreviewPlace, numbe
         "before": f"{here}/{names[at - 1]}" if at else "",
         "after": f"{here}/{names[at + 1]}" if at + 1 < len(names) else "",
         "place": f"{at + 1} of {len(names)}",
+        "note": OUTCOMES[_STAYS] if request.query_params.get("outcome") == _STAYS else "",
     }
     person = place.participant(max(number, 0)) if number >= 0 else None
     studies = PreviewedStudies(place.study)
@@ -160,9 +166,11 @@ async def next_page(
     admin: OwnDep,  # noqa: ARG001 - checks who asks
     draft: WholeDraftDep,
 ) -> Response:
-    """Redirect to the next page when a page of the preview is submitted; the submitted values are not read."""
+    """Redirect to the next page when a page of the preview is submitted, or back to the same with a note; the submitted
+    values are not read."""
     here = f"/admin/drafts/{draft.id}/preview/{condition}/{language}"
     sequence = place_of(await asyncio.to_thread(_studied, draft), condition, language).sequence
     number = number_of(position)
-    follows = number + 1 if what in ("now", "consent") else number
-    return back_to(f"{here}/{min(follows, len(sequence) - 1) if follows >= 0 else CONSENT}")
+    leads_on = what in ("now", "consent")
+    follows = min(number + leads_on, len(sequence) - 1)
+    return back_to(f"{here}/{follows if follows >= 0 else CONSENT}", "" if leads_on else _STAYS)

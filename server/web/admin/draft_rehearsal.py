@@ -5,7 +5,7 @@ from functools import partial
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
-from server.monitoring.rehearsals import MAX_BOTS, Rehearsal
+from server.monitoring.rehearsals import MAX_BOTS, TIMEOUT_S, Rehearsal
 from server.participation.draft_checks import draft_problems
 from server.store import audit
 from server.store.database import Database
@@ -25,7 +25,8 @@ async def outcome(request: Request, admin: OwnDep, services: ServicesDep, draft:
     """Show the newest rehearsal of the draft."""
     page = AdminPage(request, admin)
     found = services.rehearsals.of(draft.id, await _of_other_processes(services))
-    return page.render("draft_bots.html", tab="drafts", draft=draft, rehearsal=found, most=MAX_BOTS)
+    limits = {"most": MAX_BOTS, "timeout_min": int(TIMEOUT_S / 60)}
+    return page.render("draft_bots.html", tab="drafts", draft=draft, rehearsal=found, **limits)
 
 
 @router.post("")

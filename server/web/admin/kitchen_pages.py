@@ -89,13 +89,21 @@ async def try_kitchen(admin: OwnDep, form: AdminFormDep) -> dict[str, Any]:  # n
     return await kitchen_findings.trial(_grid(form))
 
 
+def _bad_name(name: str) -> str:
+    """Return why a name cannot be used, with one that is like it."""
+    alike = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:40]
+    example = alike if NAME.fullmatch(alike) else "my_kitchen"
+    rule = "Use lowercase letters, digits and _, a letter first, and at most 40 characters"
+    return f"{f'{name!r} cannot be the name' if name else 'Give the kitchen a name'}. {rule}, for example {example}"
+
+
 @router.post("/kitchens/save")
 async def save_kitchen(admin: OwnDep, services: ServicesDep, form: AdminFormDep) -> Response:
     """Store a new version. Answers 409 where somebody else stored one in the meantime, or a study plays in it."""
     web = services.web
     name, opened = first(form, "name").strip(), whole_number(form, "version")
     if NAME.fullmatch(name) is None:
-        raise HTTPException(400, "A name has at most 40 lowercase letters, digits and _, and begins with a letter")
+        raise HTTPException(400, _bad_name(name))
     if name in layout_names() or name in OTHER_NAMES:
         raise HTTPException(400, f"{name} is the name of a bundled kitchen. Give your kitchen another name")
     try:

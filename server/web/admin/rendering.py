@@ -53,6 +53,7 @@ OUTCOMES = {
     "you close it below.",
     "preview_players": "No action taken: participants are playing, and this would slow down their games.",
     "preview_models": "An agent or predictor of this round could not be loaded. The server's log has the reason.",
+    "preview_stays": "In the preview, this does nothing. In an open study, it works.",
     "bots_players": "No action taken: participants are playing, and bots would slow down their games.",
     "bots_busy": "No action taken: another rehearsal is running. Try again when it is over.",
     "draft_closed": "The study is closed: nobody new can join. Current participants can finish.",

@@ -5,6 +5,7 @@ import { find, findAll } from '../browser/dom.js';
 import { fieldOf, helpOf, keyOf, show } from './builder-fields.js';
 import { listOf, mapOf } from './builder-items.js';
 import { drawButton, isKitchen } from './builder-kitchens.js';
+import { offersOf } from './builder-offers.js';
 import { openAfter } from './builder-open-blocks.js';
 import { placeForModels, showOwnModels } from './builder-own-models.js';
 import { blank, planOf, shapeOf } from './builder-plan.js';
@@ -28,7 +29,7 @@ export class DraftForm {
    * @param {Section[]} sections in the order of the form
    * @param {{ change(operation: Operation): void, waits(path: (string | number)[]): boolean,
    *   suggestions(path: (string | number)[], values: any): string[], markdown(words: string): Promise<string>,
-   *   draw(path: (string | number)[], kitchen: any): void }} on
+   *   draw(path: (string | number)[], kitchen: any): void, offers: import('./builder-offers.js').Offers }} on
    */
   constructor(schema, sections, on) {
     this.schema = schema;
@@ -170,8 +171,9 @@ export class DraftForm {
       suggestions: (path) => this.on.suggestions(path, this.values),
       markdown: (words) => this.on.markdown(words),
     });
-    const models = placeForModels(node.path);
-    if (models) field.append(models);
+    const choose = (/** @type {string} */ value) => this.on.change({ do: 'put', path: node.path, value });
+    const offered = placeForModels(node.path) ?? offersOf(node.path, this.on.offers, choose);
+    if (offered) field.append(offered);
     return field;
   }
 

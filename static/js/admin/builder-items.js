@@ -19,6 +19,12 @@ import { make } from './elements.js';
  */
 
 const KEY = /^[a-z][a-z0-9_]{0,39}$/;
+/** Short names of settings, as in server/study/factors.py. @type {Record<string, string>} */
+const SETTINGS = { prediction: 'predictor', opacity: 'confidence_opacity', steps: 'steps_shown' };
+/** @type {Record<string, boolean | number>} */
+const VALUES = { on: true, off: false, yes: true, no: false, one: 1, two: 2, three: 3 };
+/** @type {Record<string, string>} */
+const TYPES = { boolean: 'boolean', number: 'integer' };
 /** @type {{ list: string, index: number } | null} */
 let dragged = null;
 
@@ -140,7 +146,8 @@ function adders(node, context) {
   button.dataset.control = `add ${keyOf(node.path)}`;
   button.addEventListener('click', () => {
     const value = named(blank(root, node.schema.items ?? { type: 'string' }, languages, chosen.value), node);
-    const index = node.children.length;
+    const isFlow = keyOf(node.path) === keyOf(['flow']) && node.children.at(-1)?.value === 'thanks';
+    const index = node.children.length - (isFlow ? 1 : 0); // the last page stays the last
     const where = { path: node.path, value };
     const focus = keyOf([...node.path, index]);
     if (Array.isArray(node.value)) act({ do: 'insert', index, ...where }, focus);
@@ -237,10 +244,29 @@ function keyAdder(node, context) {
       return;
     }
     const path = [...node.path, key];
-    context.act({ do: 'put', path, value: blank(context.root, innerOf(node.schema), context.languages) }, keyOf(path));
+    context.act({ do: 'put', path, value: valueOfNew(node, key, context) }, keyOf(path));
   };
   button.addEventListener('click', add);
   return make('div', { className: 'add' }, input, button);
+}
+
+/**
+ * Return the value of a new entry. A level that is called like a value of the setting after which its factor is named
+ * sets it: `none` of the factor `prediction`, for example. Otherwise it would change nothing.
+ * @param {PlanNode} node
+ * @param {string} key
+ * @param {ItemContext} context
+ */
+function valueOfNew(node, key, { root, languages }) {
+  const value = blank(root, innerOf(node.schema), languages);
+  if (node.path[0] !== 'factors' || node.path.length !== 2) return value;
+  const factor = String(node.path[1]);
+  const setting = SETTINGS[factor] ?? factor;
+  const given = resolved(root, innerOf(node.schema)).properties?.[setting];
+  const schema = given ? resolved(root, given) : {};
+  const level = schema.enum?.includes(key) ? key : VALUES[key];
+  const fits = schema.enum?.includes(key) || (schema.type && schema.type === TYPES[typeof level]);
+  return fits ? { ...value, [setting]: level } : value;
 }
 
 /**

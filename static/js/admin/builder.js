@@ -81,6 +81,7 @@ const form = new DraftForm(about.schema, about.sections, {
   change,
   waits: (path) => session.waits(path),
   suggestions,
+  offers: { kitchens: about.kitchens, agents: about.known.agents },
   draw: (path, kitchen) => kitchens.open(kitchen, (name) => useKitchen(path, kitchen, name)),
   async markdown(text) {
     const { status, body } = await requests.post('markdown', { text });

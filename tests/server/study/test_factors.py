@@ -74,6 +74,14 @@ def test_a_combination_can_be_left_out() -> None:
     assert [one.name for one in made.conditions] == ["none_off", "tom_off", "tom_on"]
 
 
+def test_levels_that_change_the_same_are_warned_about() -> None:
+    (warning,) = file("factors: {prediction: {none: {}, tom: {}}}\n").warnings
+    assert "factors.prediction.tom: the levels 'none' and 'tom' change nothing: participants see the same" in warning
+    assert "Give 'tom' a setting, such as `predictor: none`." in warning
+    (same,) = file("factors: {sight: {far: {}, near: {view_radius: 2}, close: {view_radius: 2}}}\n").warnings
+    assert "the levels 'near' and 'close' change the same" in same
+
+
 def test_a_combination_without_effect_is_allowed_and_warned_about() -> None:
     (warning,) = file("factors: {prediction: [none, tom], opacity: [off, on]}\n").warnings
     assert warning.startswith(f"small.yaml:{SMALL_STUDY[:START].count(chr(10)) + 1}: factors.opacity: in the condition")

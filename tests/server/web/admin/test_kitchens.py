@@ -116,7 +116,9 @@ def test_two_people_who_change_one_kitchen_see_the_conflict(owner: Researcher, s
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ({"name": "Nook!"}, "lowercase letters"),
+        ({"name": "My Nook!"}, "'My Nook!' cannot be the name. Use lowercase letters"),
+        ({"name": "My Nook!"}, "for example my_nook"),
+        ({"name": ""}, "Give the kitchen a name"),
         ({"name": "matrix"}, "bundled kitchen"),
         ({"name": "random0"}, "bundled kitchen"),
         ({"grid": GRID.replace("P", "X")}, "there is no pot"),

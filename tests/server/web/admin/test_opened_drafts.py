@@ -1,6 +1,7 @@
 """What the pages say of a study that was opened from a draft, and is paused or has another name."""
 
 import re
+import time
 from types import SimpleNamespace
 
 import msgspec
@@ -64,6 +65,9 @@ def test_bots_and_previews_know_what_other_processes_do(site: PageSite, monkeypa
     researcher.get(page)
     there = [Process("other", {}, rehearsals=(Rehearsal(draft, 2, 7, "mara"),))]
     assert "7 bots, revision 2" in researcher.get(page).text
+    assert "They began" not in researcher.get(page).text
+    there = [Process("other", {}, rehearsals=(Rehearsal(draft, 2, 7, "mara", began_at=time.time() - 150),))]
+    assert "They began 2 minutes ago; they are stopped after 30 minutes." in " ".join(researcher.get(page).text.split())
     there = [Process("other", {}, rehearsals=(Rehearsal(draft + 1, 2, 7, "mara"),))]
     researcher.get(page)
     assert "another rehearsal is running" in researcher.post(page, number="4").text
