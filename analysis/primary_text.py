@@ -61,13 +61,15 @@ def _look(declared: DeclaredTest, rows: Sequence[Result], who: Subjects) -> list
 
 def _between_looks(look: Look, declared: DeclaredTest, who: Subjects) -> list[str]:
     """Warn that a look at another number than declared must be the only one there; empty at a declared number."""
-    planned = declared.looks[look.number - 1]
+    planned, earlier = declared.looks[look.number - 1], declared.looks[: look.number - 1]
     if look.people == planned:
         return []
+    at = listed([str(number_of) for number_of in earlier])
+    before = f"computed before at {at} {who.people} only" if earlier else "not computed before"
     return [
         f"Look {look.number} was declared at {planned} {who.people}, and this is computed at {look.people}. The "
-        "boundary holds only if the primary test was not computed between the two: every further report tests once "
-        f"more, which the spending does not cover, so the rate of false alarms exceeds α = {declared.alpha:g}."
+        f"boundary holds only if the primary test was {before}: every further report tests once more, which "
+        f"the spending does not cover, so the rate of false alarms exceeds α = {declared.alpha:g}."
     ]
 
 
