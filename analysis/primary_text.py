@@ -108,7 +108,8 @@ def measure_words(declared: DeclaredTest) -> str:
 def _where(declared: DeclaredTest) -> str:
     layouts = listed([formatting.layout_title(name) for name in declared.layouts]) or "all layouts"
     agents = listed([formatting.agent_title(name) for name in declared.agents])
-    return str(escape(f"{layouts} with {agents}" if agents else f"{layouts} and agents"))
+    every = "all agents" if declared.layouts else "agents"
+    return str(escape(f"{layouts} with {agents}" if agents else f"{layouts} and {every}"))
 
 
 def primary_sentence(declaration: Declaration, rows: Sequence[Result], who: Subjects = PEOPLE) -> str:
