@@ -47,7 +47,8 @@ def _look(declared: DeclaredTest, rows: Sequence[Result], who: Subjects) -> list
     plan = f"looks at {listed([str(look) for look in declared.looks])} {who.people}, {kind} spending (Lan and DeMets)"
     row, look = found[0], look_at(declared, found[0].n)
     if look is None:
-        return [f"Declared {plan}. With {row.n} {who.people}, no look is due: the primary test is not computed."]
+        here = f"{row.n} {who.person if row.n == 1 else who.people}"
+        return [f"Declared {plan}. With {here}, no look is due: the primary test is not computed."]
     letter = {"two_sided": "|z|", "greater": "z", "less": "−z"}[declared.direction]
     crossed = "is crossed" if row.p < look.nominal_alpha else "is not crossed"
     crossed = "The test could not be computed." if math.isnan(row.p) else f"It {crossed}."
@@ -120,7 +121,7 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result], who: Subj
         return ""
     row = found[0]
     if declared.looks and look_at(declared, row.n) is None:
-        return f"The primary test is not computed {note(row)}."
+        return f"The primary test is not computed{'' if row.note.startswith('before') else ':'} {note(row)}."
     if math.isnan(row.p):
         return f"The primary test could not be computed: {note(row)}."
     numbers = f"{_numbers(row)}, {row.n} {who.people}"

@@ -286,4 +286,6 @@ def _from_study(path: Path) -> StudyPlan:
     except ValueError as error:
         raise ValueError(f"{path}: {error}. `kitchenmind study check {path}` names the line.") from None
     used = (len(declared.layouts) or layouts) * (len(declared.agents) or agents) * repeat if declared else 0
-    return StudyPlan(layouts * agents * repeat, 29, None, None, declared, used, factors, within, left_out, for_two=for_two)
+    return StudyPlan(
+        layouts * agents * repeat, 29, None, None, declared, used, factors, within, left_out, for_two=for_two
+    )

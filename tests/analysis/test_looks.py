@@ -174,6 +174,14 @@ def test_before_the_first_look_the_primary_test_is_not_computed() -> None:
     assert "With 20 people, no look is due: the primary test is not computed." in " ".join(lines(declared, 20, 30))
 
 
+def test_without_people_the_reason_is_a_sentence_of_its_own() -> None:
+    declared = DeclaredTest("reward", ("tom", "none"), looks=(40, 80))
+    row = primary.compared(declared, np.array([3.0]), np.array([]))
+    words = "The primary test is not computed: fewer than two values in a condition."
+    assert primary_sentence(Declaration(declared), (row,)) == words
+    assert "With 1 person, no look is due" in " ".join(primary_lines(Declaration(declared), (row,)))
+
+
 @pytest.mark.usefixtures("no_pictures")
 def test_the_report_names_its_interim_look(planted_folder: Path, tmp_path: Path) -> None:
     text = "primary: {comparison: [tom, none], looks: [20, 60], spending: pocock}\n"
