@@ -270,7 +270,8 @@ def _from_study(path: Path) -> StudyPlan:
         study = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)  # noqa: S506 - texts only
         repeat = int(study.get("order", {}).get("repeat", 1))
         layouts, agents = len(study["layouts"]), len(study["agents"])
-        for_two = any(str(agent.get("human")).lower() in ("true", "yes", "on") for agent in study["agents"])
+        partners = [str(agent.get("human")).lower() for agent in study["agents"] if isinstance(agent, dict)]
+        for_two = bool({"true", "yes", "on"} & set(partners))
         factors = {name: len(levels) for name, levels in (study.get("factors") or {}).items()}
         cells = study.get("cells") or {}
         left_out, within = (tuple(map(str, cells.get(key) or ())) for key in ("without", "within"))
