@@ -95,11 +95,13 @@ def nominal_levels(looks: Sequence[int], planned: int, alpha: float, kind: str, 
 
 
 def current_look(looks: Sequence[int], people: int, alpha: float, kind: str, two_sided: bool) -> Look | None:
-    """Return the look that this many people are: the last declared one that they reach. Earlier looks count as taken
-    at their declared numbers, this one at its own. None before the first."""
-    reached = [planned for planned in looks if planned <= people]
-    if not reached:
+    """Return the look that this many people are: the declared one that is nearest, of two the later. Earlier looks
+    count as taken at their declared numbers, this one at its own. None before the first."""
+    if not looks or people < looks[0]:
         return None
-    taken = [*reached[:-1], people]
+    # The last number reached would be look 1 of 30 and 60 with 58 people, as after exclusions at the end, and its
+    # boundary would not know of the test at 30.
+    place = min(range(len(looks)), key=lambda index: (abs(looks[index] - people), -index))
+    taken = [*looks[:place], people]
     found = nominal_levels(taken, looks[-1], alpha, kind, two_sided)[-1]
     return replace(found, of=len(looks))

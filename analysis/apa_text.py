@@ -4,6 +4,7 @@ Both report the tests over people. The published tests, which treat episodes as 
 Marked up with <i> for statistical letters, as both HTML and word processors take it.
 """
 
+import math
 from collections.abc import Sequence
 
 from markupsafe import escape
@@ -59,9 +60,7 @@ def _effects_finding(analysis: Analysis) -> str:
 def _reward_finding(analysis: Analysis) -> str:
     tests = with_p(select(analysis.rows, section="reward", test="kruskal_wallis_people"))
     if not tests:
-        kinds = ("kruskal_wallis_people", "kruskal_wallis")  # a note of the second is a reason only without p
-        tried = [row for test in kinds for row in select(analysis.rows, section="reward", test=test) if row.n]
-        return f"The conditions could not be compared by reward: {note(tried[0])}." if tried else ""
+        return _no_comparison(analysis)
     sure = [agent(row.agent) for row in tests if significant(row)]
     values = ", ".join(f"{agent(row.agent)} <i>p</i> {p_equals(row.p_adjusted)}" for row in tests)
     over = analysis.subjects.people
@@ -73,6 +72,17 @@ def _reward_finding(analysis: Analysis) -> str:
     who = "both agents" if len(tests) == 2 else "every agent" if len(tests) > 1 else partner(tests[0].agent)
     where = "in rounds with" if tests[0].agent == PERSON and len(tests) == 1 else "for"
     return f"Reward differs between the conditions {where} {who} {how}."
+
+
+def _no_comparison(analysis: Analysis) -> str:
+    """Return why rewards were not compared: the reason of the agent with most data, as one that stood in for a missing
+    partner may have been met in one condition alone."""
+    for test in ("kruskal_wallis_people", "kruskal_wallis"):
+        tried = select(analysis.rows, section="reward", test=test)
+        tried = [row for row in tried if row.n and math.isnan(row.p)]  # with p, the note is not a reason
+        if tried:
+            return f"The conditions could not be compared by reward: {note(max(tried, key=lambda row: row.n))}."
+    return ""
 
 
 def _corrected_for(tests: Sequence[Result]) -> str:
@@ -169,8 +179,7 @@ def _pairwise(analysis: Analysis) -> str:
     if not tests or analysis.contrast is None:
         return ""
     first, second = (condition(name) for name in analysis.contrast)
-    count = f"{len(tests)} t-tests" if len(tests) > 1 else "one t-test"
-    how = f"After Benjamini-Hochberg correction over {count} over {analysis.subjects.people}, "
+    how = f"After Benjamini-Hochberg correction over {_t_tests(len(tests))} over {analysis.subjects.people}, "
     more, less = raised(tests), lowered(tests)
     if not more and not less:
         estimates = span([row.estimate for row in tests], 1)
@@ -184,6 +193,10 @@ def _pairwise(analysis: Analysis) -> str:
     rest = len(tests) - len(more) - len(less)
     others = f"; the other {word(rest)} did not differ significantly" if rest else ""
     return f"{how}{first} {listed(parts)}, compared with {second} (Hedges’ <i>g</i> {sizes}{others})."
+
+
+def _t_tests(count: int) -> str:
+    return f"{count} t-tests" if count > 1 else "one t-test"
 
 
 def _mixed(analysis: Analysis) -> str:
@@ -238,7 +251,7 @@ def _questionnaire(analysis: Analysis) -> list[str]:
     sure = sum(significant(row) for row in tested)
     count = word(sure) if sure else "none"
     made = [
-        f"Answers about {where} were averaged for each {who.person} and compared by {len(tested)} t-tests over "
+        f"Answers about {where} were averaged for each {who.person} and compared by {_t_tests(len(tested))} over "
         f"{who.people}, with Benjamini-Hochberg correction over all of them; {count} of {len(tested)} differed "
         "significantly."
     ]

@@ -102,8 +102,9 @@ def repeated_cells(table: pl.DataFrame, export: Export) -> RepeatedCells:
     groups: dict[tuple[str, tuple[str, ...], tuple[tuple[str, ...], ...]], list[list[float]]] = {}
     for (condition, _), person in means.group_by("condition", "participant", maintain_order=True):
         blocks = person.sort("number")  # a block is a run of rounds
-        order = tuple(zip(*(blocks[f"{PREFIX}{name}"] for name in within), strict=True))
-        met = dict(zip(order, blocks["value"], strict=True))
+        levels_met = list(zip(*(blocks[f"{PREFIX}{name}"] for name in within), strict=True))
+        met = dict(zip(levels_met, blocks["value"], strict=True))
+        order = tuple(levels for levels in levels_met if levels in inner)  # an earlier version may have had more
         if all(levels in met for levels in inner):
             between = tuple(str(person[f"{PREFIX}{name}"][0]) for name in empty.outer)
             groups.setdefault((str(condition), between, order), []).append([met[levels] for levels in inner])

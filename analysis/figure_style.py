@@ -19,7 +19,11 @@ INK, SOFT, LINE, CARD = "#22303c", "#5b6873", "#e3d9c8", "#ffffff"
 ACCENT = "#b8501f"
 # condition -> edge, fill, hatch; conditions that are not in the published design take the others in turn
 FILLS = {"none": (SOFT, CARD, ""), "random": ("#7a5195", CARD, "////"), "tom": ("#12737a", "#12737a", "")}
-OTHERS = (("#9a6400", CARD, "...."), ("#9a6400", CARD, "xxxx"), ("#004a99", CARD, "----"), ("#004a99", "#004a99", ""))
+OTHERS = (
+    *(("#9a6400", CARD, "...."), ("#9a6400", CARD, "xxxx"), ("#004a99", CARD, "----"), ("#004a99", "#004a99", "")),
+    *(("#a02c5a", CARD, "\\\\\\\\"), ("#a02c5a", "#a02c5a", ""), ("#2e6b2e", CARD, "||||"), ("#2e6b2e", "#2e6b2e", "")),
+    *((INK, CARD, "++++"), (INK, CARD, "oo"), (INK, "#c9b48f", ""), (INK, INK, "")),
+)
 WIDTH_IN = 8.6
 DPI = 300
 Drawn = ParamSpec("Drawn")

@@ -17,19 +17,36 @@ from analysis.formatting import agent_title, condition_title, layout_title, part
 from analysis.power import Power
 from analysis.results import Result, select
 
+IN_ONE_ROW = 3  # conditions of the published design; more have a legend of their own below, and narrower bars
+NEXT_TO = 0.265  # from bar to bar, of the distance between two groups
+GROUP = 0.9  # the widest group
 
-def _legend(panel: Axes, conditions: Sequence[str]) -> None:
+
+def _legend(figure: Figure, panel: Axes, conditions: Sequence[str]) -> None:
     patches = []
     for condition in conditions:
         edge, face, hatch = fill(condition, conditions)
         patches.append(Patch(facecolor=face, edgecolor=edge, hatch=hatch, label=condition_title(condition)))
-    panel.legend(handles=patches, loc="lower right", bbox_to_anchor=(1, 0.98), ncols=len(patches), borderaxespad=0)
+    if len(patches) > IN_ONE_ROW:
+        figure.legend(handles=patches, loc="outside lower center", ncols=min(len(patches), 4))
+    else:
+        panel.legend(handles=patches, loc="lower right", bbox_to_anchor=(1, 0.98), ncols=len(patches), borderaxespad=0)
+
+
+def _step(conditions: Sequence[str]) -> float:
+    """Return the distance of the bars of a group, so that it does not reach into the next group."""
+    return min(NEXT_TO, GROUP / max(1, len(conditions)))
+
+
+def _legend_rows(conditions: Sequence[str]) -> int:
+    return math.ceil(len(conditions) / 4) if len(conditions) > IN_ONE_ROW else 0
 
 
 def _bar(panel: Axes, x: float, row: Result, conditions: Sequence[str], half: float, decimals: int) -> float:
     """Draw one mean with its error bar and number; return how high it reaches."""
     edge, face, hatch = fill(row.condition, conditions)
-    panel.bar(x, row.estimate, 0.22, facecolor=face, edgecolor=edge, hatch=hatch, linewidth=1.1, zorder=2)
+    step = _step(conditions)
+    panel.bar(x, row.estimate, 0.83 * step, facecolor=face, edgecolor=edge, hatch=hatch, linewidth=1.1, zorder=2)
     half = 0.0 if math.isnan(half) else half
     if half:
         panel.plot([x, x], [row.estimate - half, row.estimate], color=CARD, linewidth=3, zorder=3)
@@ -41,14 +58,15 @@ def _bar(panel: Axes, x: float, row: Result, conditions: Sequence[str], half: fl
         (0, 2.5),
         textcoords="offset points",
         ha="center",
-        fontsize=7.6,
+        fontsize=7.6 if step == NEXT_TO else 6,
+        rotation=0 if step == NEXT_TO else 90,
         color=SOFT,
     )
     return top
 
 
 def _group_places(conditions: Sequence[str]) -> dict[str, float]:
-    spread = (np.arange(len(conditions)) - (len(conditions) - 1) / 2) * 0.265
+    spread = (np.arange(len(conditions)) - (len(conditions) - 1) / 2) * _step(conditions)
     return dict(zip(conditions, spread.tolist(), strict=True))
 
 
@@ -59,7 +77,7 @@ def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[s
     means = select(rows, section="reward", test="mean")
     agents = list(dict.fromkeys(row.agent for row in means))
     layouts = list(dict.fromkeys(row.layout for row in means))
-    figure, panels = new_figure(0.35 + 2.35 * len(agents), len(agents))
+    figure, panels = new_figure(0.35 + 2.35 * len(agents) + 0.22 * _legend_rows(conditions), len(agents))
     top = max((row.estimate + (0 if math.isnan(row.se) else row.se) for row in means), default=1.0) or 1.0
     places = _group_places(conditions)
     for panel, agent in zip(panels, agents, strict=True):
@@ -77,7 +95,7 @@ def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[s
         panel.set_ylim(0, top * 1.26)
         panel.yaxis.set_major_locator(MaxNLocator(5))
         panel.grid(axis="y")
-    _legend(panels[0], conditions)
+    _legend(figure, panels[0], conditions)
     return figure
 
 
@@ -124,11 +142,11 @@ def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
 
 @styled
 def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Mapping[str, str]) -> Figure:
-    """Draw mean answers with 95 % interval by agent (panels), question and condition, on the scale 1 to 7."""
+    """Draw mean answers with 95 % interval by agent (panels), question and condition."""
     means = select(rows, section="questionnaire", test="mean")
     agents = list(dict.fromkeys(row.agent for row in means))
     questions = list(dict.fromkeys(row.question for row in means))
-    figure, panels = new_figure(0.35 + 1.75 * len(agents), len(agents))
+    figure, panels = new_figure(0.35 + 1.75 * len(agents) + 0.22 * _legend_rows(conditions), len(agents))
     places = _group_places(conditions)
     for panel, agent in zip(panels, agents, strict=True):
         for index, question in enumerate(questions):
@@ -139,15 +157,34 @@ def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Map
                     row = bars[condition]
                     _bar(panel, x, row, conditions, row.estimate_high - row.estimate, 2)
                 else:
-                    panel.annotate("not asked", (x, 1.2), ha="center", va="bottom", fontsize=7, color=SOFT, rotation=90)
+                    panel.annotate(
+                        "not asked",
+                        (x, 0.03),
+                        xycoords=("data", "axes fraction"),
+                        ha="center",
+                        va="bottom",
+                        fontsize=7,
+                        color=SOFT,
+                        rotation=90,
+                    )
         panel.set_title(partner_title(agent))
         panel.set_xticks(range(len(questions)), [titles[question] for question in questions])
         panel.set_xlim(-0.55, len(questions) - 0.45)
+        _answer_axis(panel, means)
+        panel.grid(axis="y")
+    _legend(figure, panels[0], conditions)
+    return figure
+
+
+def _answer_axis(panel: Axes, means: Sequence[Result]) -> None:
+    """Show the published scale, 1 to 7, or more where a question has other answers."""
+    low, high = (pick([row.estimate for row in means]) for pick in (min, max))
+    if low >= 1 and high <= 7:
         panel.set_ylim(1, 7.4)
         panel.set_yticks([1, 3, 5, 7])
-        panel.grid(axis="y")
-    _legend(panels[0], conditions)
-    return figure
+    else:
+        panel.set_ylim(min(1.0, math.floor(low)), max(7.4, 1.1 * high))
+        panel.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
 
 @styled

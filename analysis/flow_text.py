@@ -21,7 +21,9 @@ def flow_sentence(analysis: Analysis) -> str:
     if not begun:
         return ""
     who = analysis.subjects
-    text = f"The analysis is of {left} episodes of {people} {who.participants}.{_watched(analysis)}"
+    episodes = f"{left} episode{'' if left == 1 else 's'}"
+    of = f"{people} {who.participant if people == 1 else who.participants}"
+    text = f"The analysis is of {episodes} of {of}.{_watched(analysis)}"
     if left == begun:
         return text
     parts = []

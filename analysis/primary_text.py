@@ -47,7 +47,8 @@ def _look(declared: DeclaredTest, rows: Sequence[Result], who: Subjects) -> list
     plan = f"looks at {listed([str(look) for look in declared.looks])} {who.people}, {kind} spending (Lan and DeMets)"
     row, look = found[0], look_at(declared, found[0].n)
     if look is None:
-        return [f"Declared {plan}. With {row.n} {who.people}, no look is due: the primary test is not computed."]
+        here = f"{row.n} {who.person if row.n == 1 else who.people}"
+        return [f"Declared {plan}. With {here}, no look is due: the primary test is not computed."]
     letter = {"two_sided": "|z|", "greater": "z", "less": "−z"}[declared.direction]
     crossed = "is crossed" if row.p < look.nominal_alpha else "is not crossed"
     crossed = "The test could not be computed." if math.isnan(row.p) else f"It {crossed}."
@@ -61,13 +62,15 @@ def _look(declared: DeclaredTest, rows: Sequence[Result], who: Subjects) -> list
 
 def _between_looks(look: Look, declared: DeclaredTest, who: Subjects) -> list[str]:
     """Warn that a look at another number than declared must be the only one there; empty at a declared number."""
-    planned = declared.looks[look.number - 1]
+    planned, earlier = declared.looks[look.number - 1], declared.looks[: look.number - 1]
     if look.people == planned:
         return []
+    at = listed([str(number_of) for number_of in earlier])
+    before = f"computed before at {at} {who.people} only" if earlier else "not computed before"
     return [
         f"Look {look.number} was declared at {planned} {who.people}, and this is computed at {look.people}. The "
-        "boundary holds only if the primary test was not computed between the two: every further report tests once "
-        f"more, which the spending does not cover, so the rate of false alarms exceeds α = {declared.alpha:g}."
+        f"boundary holds only if the primary test was {before}: every further report tests once more, which "
+        f"the spending does not cover, so the rate of false alarms exceeds α = {declared.alpha:g}."
     ]
 
 
@@ -106,7 +109,8 @@ def measure_words(declared: DeclaredTest) -> str:
 def _where(declared: DeclaredTest) -> str:
     layouts = listed([formatting.layout_title(name) for name in declared.layouts]) or "all layouts"
     agents = listed([formatting.agent_title(name) for name in declared.agents])
-    return str(escape(f"{layouts} with {agents}" if agents else f"{layouts} and agents"))
+    every = "all agents" if declared.layouts else "agents"
+    return str(escape(f"{layouts} with {agents}" if agents else f"{layouts} and {every}"))
 
 
 def primary_sentence(declaration: Declaration, rows: Sequence[Result], who: Subjects = PEOPLE) -> str:
@@ -117,7 +121,7 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result], who: Subj
         return ""
     row = found[0]
     if declared.looks and look_at(declared, row.n) is None:
-        return f"The primary test is not computed {note(row)}."
+        return f"The primary test is not computed{'' if row.note.startswith('before') else ':'} {note(row)}."
     if math.isnan(row.p):
         return f"The primary test could not be computed: {note(row)}."
     numbers = f"{_numbers(row)}, {row.n} {who.people}"

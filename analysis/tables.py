@@ -4,8 +4,9 @@ chef 1.
 """
 
 import json
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -283,8 +284,17 @@ def _about(folder: Path, study: str, version: int | None, participants: pl.DataF
         about |= {key: [part["name"] for part in said.get(key) or []] for key in ("conditions", "layouts")}
         cells = said.get("cells") or {}
         about["left_out"] = [str(name) for name in cells.get("without") or ()]
-        if about["factors"] and not cells.get("within"):
-            about["conditions"] = ["_".join(levels) for levels in product(*about["factors"].values())]
+        if about["factors"]:
+            about["conditions"] = _crossed(about["factors"], cells.get("within") or ())
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, RecursionError):
         pass  # title and order are optional
     return about
+
+
+def _crossed(factors: Mapping[str, list[str]], within: Sequence[str]) -> list[str]:
+    """Return the names of the conditions in the order of the study file: combinations of levels, and with blocks the
+    orders of these (more than there are: those that nobody had are left out)."""
+    between = ["_".join(levels) for levels in product(*(factors[name] for name in factors if name not in within))]
+    blocks = math.prod(len(factors[name]) for name in within)
+    orders = [f"order_{number}" for number in range(1, 2 * blocks + 1)] if blocks > 1 else [""]
+    return ["_".join(filter(None, names)) for names in product(between, orders)]

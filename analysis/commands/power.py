@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from analysis.declared import DeclaredTest
     from analysis.power import PowerDesign
 
+FOR_TWO = (
+    "These are participants who are analysed. A round of two people counts for the one who is not watched, so recruit "
+    "two people for each of them."
+)
+
 
 @dataclass(frozen=True)
 class StudyPlan:
@@ -28,6 +33,7 @@ class StudyPlan:
     left_out: tuple[str, ...] = ()  # combinations of levels that the study does not have
     answer_sds: tuple[float, float] | None = None  # between and within people, of the primary test's question
     simulated: bool = False  # the variances come from simulated participants
+    for_two: bool = False  # rounds are played by two people, and count for one of them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,6 +104,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(simulated_effect.source())
     if plan.simulated:
         print(simulated_effect.VARIANCES)
+    if plan.for_two:
+        print(FOR_TWO)
     for line in (
         *_factor_lines(design, plan, participants, arguments),
         *_primary_lines(design, plan, participants, arguments),
@@ -239,6 +247,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
         within=within,
         left_out=tuple(export.about.get("left_out") or ()),
         simulated=export.is_simulated,
+        for_two=episodes["watched_person"].is_not_null().any(),
     )
     if plan.declared is None:
         return plan
@@ -261,6 +270,8 @@ def _from_study(path: Path) -> StudyPlan:
         study = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)  # noqa: S506 - texts only
         repeat = int(study.get("order", {}).get("repeat", 1))
         layouts, agents = len(study["layouts"]), len(study["agents"])
+        partners = [str(agent.get("human")).lower() for agent in study["agents"] if isinstance(agent, dict)]
+        for_two = bool({"true", "yes", "on"} & set(partners))
         factors = {name: len(levels) for name, levels in (study.get("factors") or {}).items()}
         cells = study.get("cells") or {}
         left_out, within = (tuple(map(str, cells.get(key) or ())) for key in ("without", "within"))
@@ -276,4 +287,6 @@ def _from_study(path: Path) -> StudyPlan:
     except ValueError as error:
         raise ValueError(f"{path}: {error}. `kitchenmind study check {path}` names the line.") from None
     used = (len(declared.layouts) or layouts) * (len(declared.agents) or agents) * repeat if declared else 0
-    return StudyPlan(layouts * agents * repeat, 29, None, None, declared, used, factors, within, left_out)
+    return StudyPlan(
+        layouts * agents * repeat, 29, None, None, declared, used, factors, within, left_out, for_two=for_two
+    )

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -67,3 +68,35 @@ def test_the_power_of_a_study_does_not_stumble_over_the_factors_of_another(
     words = ["power", str(folder), "--study", "simulated", "--effect", "8", "--studies", "20"]
     assert kitchenmind.main([*words, "--out", str(tmp_path / "power")]) == 0
     assert "steps" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("dropped", ["none", "random", "tom"])
+def test_people_of_a_version_with_more_levels_within_people_count_with_those_that_are_left(
+    tmp_path: Path, dropped: str
+) -> None:
+    """Version 1 had three blocks, in two orders; version 2 has the two that are left."""
+    levels = ("none", "random", "tom")
+    left = [level for level in levels if level != dropped]
+    write_export(Truth(participants=6, conditions=("order_1", "order_2"), layouts=("matrix",), timesteps=20), tmp_path)
+    people = pl.read_parquet(tmp_path / "participants.parquet")
+    people = people.with_row_index("row").with_columns(study_version=pl.col("row") % 2 + 1).drop("row")
+    people.write_parquet(tmp_path / "participants.parquet")
+    version = dict(people.select("participant", "study_version").iter_rows())
+    rounds, chance = [], np.random.default_rng(4)
+    for episode in pl.read_parquet(tmp_path / "episodes.parquet").filter(pl.col("agent_1") == "sp").to_dicts():
+        met = levels if version[episode["participant_0"]] == 1 else left
+        met = met[::-1] if episode["condition"] == "order_2" else met
+        for number, level in enumerate(met, start=1):
+            name = f"{episode['episode']}-{number}"
+            score = 40 + 10 * levels.index(level) + int(chance.integers(6))
+            rounds.append(episode | {"episode": name, "number": number, "factor_prediction": level, "score": score})
+    pl.DataFrame(rounds).write_parquet(tmp_path / "episodes.parquet")
+    (tmp_path / "studies").mkdir()
+    for number, named in ((1, levels), (2, left)):
+        text = f"factors:\n  prediction: [{', '.join(named)}]\ncells: {{within: [prediction]}}\n"
+        (tmp_path / "studies" / f"simulated_version-{number}.yaml").write_text(text)
+    made = analyse(read_export(tmp_path), QUICK)
+    assert made.conditions == ("order_1", "order_2")
+    (row,) = (row for row in made.rows if row.section == "factorial" and row.test == "difference" and not row.question)
+    assert (row.contrast, row.n, row.note) == ("prediction", 12, f"({left[1]} - {left[0]})")
+    assert row.estimate == pytest.approx(10 * (levels.index(left[1]) - levels.index(left[0])), abs=4)

@@ -71,7 +71,7 @@ def test_one_look_at_the_end_is_the_plain_test() -> None:
     assert boundaries([9.0], [0.01], False) == pytest.approx([stats.norm.ppf(0.99)])
 
 
-def test_the_look_is_the_last_one_that_was_reached() -> None:
+def test_the_look_is_the_nearest_declared_one() -> None:
     looks = (30, 60, 90)
     assert current_look(looks, 29, 0.05, "pocock", True) is None
 
@@ -85,7 +85,7 @@ def test_the_look_is_the_last_one_that_was_reached() -> None:
         Look(look.number, 3, look.people, 90, pytest.approx(look.boundary), pytest.approx(look.nominal_alpha))
         for look in plain
     ]
-    assert (at(31).number, at(59).number, at(89).number) == (1, 1, 2)
+    assert [at(people).number for people in (31, 44, 45, 59, 74, 75, 89)] == [1, 1, 2, 2, 2, 3, 3]
     more = at(100)
     assert (more.number, more.people) == (3, 100)
     assert more.boundary == pytest.approx(nominal_levels([30, 60, 100], 90, 0.05, "pocock", True)[-1].boundary), (
@@ -131,6 +131,10 @@ def test_a_report_between_two_looks_warns_that_it_must_be_the_only_one() -> None
     looks = DeclaredTest("reward", ("tom", "none"), looks=(40, 80, 120))
     warning = "Look 1 was declared at 40 people, and this is computed at 46. The boundary holds only if"
     assert warning in " ".join(lines(looks, 46, 7.5))
+    assert "holds only if the primary test was not computed before: every further" in " ".join(lines(looks, 46, 7.5))
+    last = " ".join(lines(looks, 116, 7.5))
+    assert "This is look 3 of 3, at 116 people" in last
+    assert "holds only if the primary test was computed before at 40 and 80 people only: every" in last
     for people in (40, 80, 120):
         assert "The boundary holds only if" not in " ".join(lines(looks, people, 7.5))
     assert "Look 3 was declared at 120 people, and this is computed at 124." in " ".join(lines(looks, 124, 7.5))
@@ -148,6 +152,18 @@ def test_reports_between_looks_would_not_hold_alpha() -> None:
     assert crossed.any(axis=1).mean() > 0.06
 
 
+@pytest.mark.parametrize("kind", SPENDING)
+@pytest.mark.parametrize("people", [(40, 77), (40, 80, 117), (43, 84, 128), (52, 75)])
+def test_the_looks_hold_alpha_with_a_few_people_less_or_more(kind: str, people: tuple[int, ...]) -> None:
+    """The last look often has fewer people than declared, as some were excluded."""
+    declared = DeclaredTest("reward", ("tom", "none"), looks=(40, 80, 120)[: len(people)], spending=kind)
+    chance = np.random.default_rng(5)
+    steps = np.sqrt(np.diff([0, *people]))
+    sums = (chance.normal(size=(200_000, len(people))) * steps).cumsum(axis=1)
+    bounds = [look.boundary for n in people if (look := primary.look_at(declared, n))]
+    assert (np.abs(sums / np.sqrt(people)) > bounds).any(axis=1).mean() < 0.052
+
+
 def test_before_the_first_look_the_primary_test_is_not_computed() -> None:
     declared = DeclaredTest("reward", ("tom", "none"), looks=(40, 80))
     row = primary.compared(declared, np.arange(10.0), np.arange(10.0) + 30)
@@ -156,6 +172,14 @@ def test_before_the_first_look_the_primary_test_is_not_computed() -> None:
         "The primary test is not computed before the first declared look, which is at 40 people."
     )
     assert "With 20 people, no look is due: the primary test is not computed." in " ".join(lines(declared, 20, 30))
+
+
+def test_without_people_the_reason_is_a_sentence_of_its_own() -> None:
+    declared = DeclaredTest("reward", ("tom", "none"), looks=(40, 80))
+    row = primary.compared(declared, np.array([3.0]), np.array([]))
+    words = "The primary test is not computed: fewer than two values in a condition."
+    assert primary_sentence(Declaration(declared), (row,)) == words
+    assert "With 1 person, no look is due" in " ".join(primary_lines(Declaration(declared), (row,)))
 
 
 @pytest.mark.usefixtures("no_pictures")

@@ -207,6 +207,17 @@ def test_power_without_any_effect_is_refused_with_the_remedy(
     assert "give --effect with the true differences to be found, or --simulated-effect" in capsys.readouterr().err
 
 
+def test_in_a_study_for_two_each_analysed_participant_takes_two_people(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for human, is_said in (("true", True), ("false", False)):
+        file = tmp_path / "study.yaml"
+        file.write_text(f"layouts: [a, b]\nagents: [{{name: person, human: {human}}}]\n")
+        words = ["power", str(file), "--effect", "12", "--studies", "20", "--person-sd", "8", "--residual-sd", "14"]
+        assert kitchenmind.main([*words, "--out", str(tmp_path / "out")]) == 0
+        assert ("recruit two people for each of them" in capsys.readouterr().out) is is_said
+
+
 def test_a_pilot_with_one_person_in_a_condition_needs_a_number(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

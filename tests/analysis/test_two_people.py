@@ -71,6 +71,14 @@ def test_the_headline_tells_predictions_about_people_from_those_about_agents(tmp
     assert "of the time about other " in finding
 
 
+def test_the_reason_for_no_comparison_is_that_of_the_pairs_and_not_of_the_agent_that_stood_in(tmp_path: Path) -> None:
+    folder = pairs_export(tmp_path / "data", (RING,), alone=1)
+    episodes = pl.read_parquet(folder / "episodes.parquet").with_columns(score=pl.lit(40.0), progress=pl.lit(0.0))
+    episodes.write_parquet(folder / "episodes.parquet")
+    finding = apa_text.findings(reported(folder, tmp_path).analysis)[0]
+    assert finding == "The conditions could not be compared by reward: no variance within the conditions."
+
+
 def test_a_partner_has_the_name_that_the_study_gives_them(tmp_path: Path) -> None:
     export = read_export(pairs_export(tmp_path / "data", (RING,), named="teammate"))
     assert export.agents == ("teammate",)
