@@ -136,7 +136,7 @@ def test_a_pasted_text_that_is_too_long_is_not_cut_off_silently(site: PageSite, 
     page.focus("[name=words]")
     page.keyboard.insert_text("y" * 600)
     assert len(page.input_value("[name=words]")) == 600
-    expect(page.locator("#m-words")).to_have_text("Please write at most 500 characters; these are 600.")
+    expect(page.locator("#m-words")).to_have_text("Please write at most 500 characters; your answer has 600.")
     page.click("#go")
     expect(page.locator("[name=words]")).to_be_focused()
     page.fill("[name=words]", "👍" * 500)

@@ -150,18 +150,18 @@ def test_an_alert_neither_ends_nor_begins_where_another_process_leads_from_now_o
         processes[name] = (peers, Alerts(live, tmp_path / "site.db", tell))
     (first, alerts_of_first), (second, alerts_of_second) = processes.values()
 
-    asyncio.run(alerts_of_second.look())  # alone
+    asyncio.run(alerts_of_second.check())  # alone
     first.others, second.others = [("b", alerts_of_second)], [("a", alerts_of_first)]
     for _ in range(2):  # the first one has just started, and leads
-        asyncio.run(alerts_of_first.look())
-        asyncio.run(alerts_of_second.look())
+        asyncio.run(alerts_of_first.check())
+        asyncio.run(alerts_of_second.check())
     assert list(alerts_of_first.open) == [f"trouble {person}"]
     assert list(alerts_of_second.open) == []
     second.others = []  # the first one was killed
-    asyncio.run(alerts_of_second.look())
+    asyncio.run(alerts_of_second.check())
     assert told == [("b", f"trouble {person}", False)]
     site.database.write_now(lambda connection: connection.execute(events_table.delete()))
-    asyncio.run(alerts_of_second.look())
+    asyncio.run(alerts_of_second.check())
     assert told[1:] == [("b", f"trouble {person}", True)]
 
 
@@ -174,10 +174,10 @@ def test_a_leader_that_has_just_started_has_not_seen_that_an_alert_is_over(site:
     other.open = {"version small 1": Alert("version small 1", "The file has changed.", study="small", by_leader=True)}
     peers.others = [("b", other)]
     alerts = Alerts(live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert (list(alerts.open), told) == (["version small 1"], [])
     other.open = {}
-    asyncio.run(alerts.look())
+    asyncio.run(alerts.check())
     assert told == [("version small 1", True)]
 
 
