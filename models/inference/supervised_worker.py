@@ -17,6 +17,9 @@ from models.protocols import History
 MAX_WAITING = 256  # frames a worker may owe before it is asked nothing more
 SPARE_AFTER_S = 2.0  # a server that has just started has more urgent work
 _GRACE_S = 0.5  # after its deadline, before a worker that has not answered is replaced
+_MAX_SLACK = 8  # times that a worker gets which follows others that took too long
+_NEWEST_COUNTS = 0.2  # weight of the newest answer in how long one takes
+_QUICK_TO_TRUST = 25  # quick answers in a row after which the next worker gets no more than the usual time
 log = logging.getLogger("models")
 
 
@@ -95,7 +98,7 @@ class _Waiting:
 
     answer: "asyncio.Future[Answer]"
     asked: float
-    hangs_at: float  # a worker that has not answered by then is replaced
+    limit_s: float  # a worker that answers nothing for longer is replaced
     rows: list[Row]
 
 
@@ -105,7 +108,9 @@ class SupervisedWorker:
     """
 
     def __init__(self, load: Load, spares: int, hang_s: float, ahead: Launched | None = None) -> None:
-        """`hang_s`: it is replaced when a question waits for longer, and longer than its own deadline."""
+        """`hang_s`: it is replaced when it answers nothing for longer, and longer than a question's own deadline. Its
+        successor has to be sent the whole history of every game, so it gets more time: otherwise, on a machine that is
+        too busy, each worker would be replaced while it reads."""
         self._load = load
         self._ahead = ahead
         self._hang_s = hang_s
@@ -119,6 +124,8 @@ class SupervisedWorker:
         self._care: asyncio.Task[None] | None = None
         self._later: asyncio.TimerHandle | None = None
         self._breaker = Breaker(faults_to_open=3)
+        self._answered_at, self._usual_s = 0.0, 0.0  # when it last answered, and how long an answer takes
+        self._slack, self._quick = 1, 0
         self.restarts = 0
 
     async def start(self) -> None:
@@ -138,12 +145,17 @@ class SupervisedWorker:
         return 1 if self._worker is None else self._worker.memory
 
     def ready(self, patience_s: float) -> bool:
-        """Return whether a question asked now may be answered within `patience_s`; false if an older one has waited
-        that long."""
+        """Return whether a question asked now will probably be answered within `patience_s`. One that would be late is
+        not asked: a worker with too much to do would otherwise answer every question a little too late."""
         if self._worker is None or len(self._waiting) >= MAX_WAITING:
             return False
         oldest = next(iter(self._waiting.values()), None)
-        return oldest is None or time.monotonic() - oldest.asked < patience_s
+        if oldest is None:
+            return True
+        now = time.monotonic()
+        begun = max(oldest.asked, self._answered_at)
+        rest_s = max(0.0, self._usual_s - (now - begun))
+        return now - oldest.asked < patience_s and rest_s + len(self._waiting) * self._usual_s < patience_s
 
     def missing(self, key: str, timestep: int) -> int:
         """Return how many of a game's last states the worker has not been sent; 0: its whole history is needed."""
@@ -176,8 +188,8 @@ class SupervisedWorker:
         question = ModelRequest(next(self._ids), layout, rows, players, contents, actions)
         answer: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         now = time.monotonic()
-        hangs_at = now + max(self._hang_s, patience_s + _GRACE_S)  # a study may allow more time than `hang_s`
-        self._waiting[question.id] = _Waiting(answer, now, hangs_at, rows)
+        limit_s = max(self._hang_s, patience_s + _GRACE_S)  # a study may allow more time than `hang_s`
+        self._waiting[question.id] = _Waiting(answer, now, limit_s, rows)
         self._worker.send(question)
         return answer
 
@@ -199,6 +211,13 @@ class SupervisedWorker:
         waiting = self._waiting.pop(answer.id, None)
         if waiting is None:
             return
+        now = time.monotonic()
+        took_s = now - max(waiting.asked, self._answered_at)
+        self._usual_s += _NEWEST_COUNTS * (took_s - self._usual_s)
+        self._answered_at = now
+        self._quick = self._quick + 1 if now - waiting.asked < self._hang_s / 2 else 0
+        if self._quick >= _QUICK_TO_TRUST:
+            self._slack = 1
         for row, predicted in zip(waiting.rows, answer.predicted, strict=True):
             if row.predictor is not None and not predicted:  # the worker's memory of this game may be incomplete
                 self._known.pop(row.key, None)
@@ -213,6 +232,9 @@ class SupervisedWorker:
             watching = asyncio.create_task(self._until_it_hangs())
             try:
                 await asyncio.wait([listening, watching], return_when=asyncio.FIRST_COMPLETED)
+                if watching.done():
+                    self._slack = min(2 * self._slack, _MAX_SLACK)
+                    log.warning("a model worker answered nothing for too long and is replaced")
             finally:
                 listening.cancel()
                 watching.cancel()
@@ -226,11 +248,13 @@ class SupervisedWorker:
             self._fill_spares()
 
     async def _until_it_hangs(self) -> None:
-        """Return when the oldest question has been waiting for too long."""
+        """Return when the worker owes an answer and has given none for too long."""
         while True:
             await asyncio.sleep(self._hang_s / 5)
             oldest = next(iter(self._waiting.values()), None)
-            if oldest is not None and time.monotonic() > oldest.hangs_at:
+            if oldest is None:
+                continue
+            if time.monotonic() - max(oldest.asked, self._answered_at) > oldest.limit_s * self._slack:
                 return
 
     async def _replacement(self) -> WorkerProcess:

@@ -233,6 +233,20 @@ async def test_a_worker_that_hangs_is_replaced(serving):
     assert decision is not None
 
 
+async def test_the_successor_of_a_worker_that_hung_gets_more_time(serving):
+    slow = "tests.support.foreign_models:VerySlowAfterWarming"
+    server = await serving([slow], hang_s=0.3)
+    game = AskedGame("a")
+    assert await server.ask([game.question(slow)], 50) == [None]
+    await until(lambda: server.statistics().restarts == 1)
+    for _ in range(200):  # each process is as slow: without more time, none would ever answer
+        if (await server.ask([game.question(slow)], 50))[0] is not None:
+            break
+        await asyncio.sleep(0.05)
+    else:
+        pytest.fail(f"no answer after {server.statistics().restarts} workers")
+
+
 async def test_a_model_that_answers_within_a_long_deadline_does_not_hang(serving):
     slow = "tests.support.foreign_models:SlowAfterWarming"
     server = await serving([slow], hang_s=0.1)

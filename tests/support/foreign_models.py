@@ -60,15 +60,22 @@ class WrongShape(EvenHanded):
 
 
 class SlowAfterWarming(EvenHanded):
-    """Takes as long as a chef that holds something tells it to: 0.3 s where the observation's first cell is marked."""
+    """Takes 0.3 s for the first answer after the two calls that warm it up."""
 
+    takes_s = 0.3
     calls = 0
 
     def probabilities(self, observations):
         self.calls += 1
         if self.calls == 3:
-            time.sleep(0.3)
+            time.sleep(self.takes_s)
         return super().probabilities(observations)
+
+
+class VerySlowAfterWarming(SlowAfterWarming):
+    """Takes 0.7 s instead, again in each process, like a worker that has to read every game's whole history."""
+
+    takes_s = 0.7
 
 
 class Hanging(EvenHanded):
