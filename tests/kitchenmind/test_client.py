@@ -7,13 +7,16 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import redirect_stdout
+from pathlib import Path
 
+import certifi
 import msgspec
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from kitchenmind.client import ClientFailed, GameClient, ParsedPage, ProtocolError, StudyClient, take_part
 from kitchenmind.client.pages import filled_in
+from kitchenmind.client.study_client import _certificates
 from models.agents.planner import PlannerPolicy
 from server.play import messages
 from server.store.database import Database
@@ -177,3 +180,15 @@ def test_answers_are_sent_and_every_other_question_gets_a_plain_one() -> None:
     assert filled_in(fields, {}) == plain
     given = {"scale": 2, "ways": ["a", "b"], "unknown": 1, "step": "another"}
     assert filled_in(fields, given) == plain | {"scale": "2", "ways": ["a", "b"]}
+
+
+def test_a_client_trusts_the_certificates_that_the_environment_names_now(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    everybody = Path(certifi.where()).read_text("utf-8").split("-----END CERTIFICATE-----")
+    for count in (2, 1):
+        file = tmp_path / f"{count}.pem"
+        file.write_text("".join(f"{one}-----END CERTIFICATE-----" for one in everybody[:count]), "utf-8")
+        monkeypatch.setenv("SSL_CERT_FILE", str(file))
+        assert len(_certificates().get_ca_certs()) == count
+    assert _certificates() is _certificates(), "read once"
