@@ -100,7 +100,7 @@ def current_look(looks: Sequence[int], people: int, alpha: float, kind: str, two
     if not looks or people < looks[0]:
         return None
     # The last number reached would be look 1 of 30 and 60 with 58 people, as after exclusions at the end, and its
-    # boundary would not know of the test at 30.
+    # boundary would ignore the test at 30.
     place = min(range(len(looks)), key=lambda index: (abs(looks[index] - people), -index))
     taken = [*looks[:place], people]
     found = nominal_levels(taken, looks[-1], alpha, kind, two_sided)[-1]

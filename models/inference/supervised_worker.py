@@ -17,9 +17,9 @@ from models.protocols import History
 MAX_WAITING = 256  # frames a worker may owe before it is asked nothing more
 SPARE_AFTER_S = 2.0  # a server that has just started has more urgent work
 _GRACE_S = 0.5  # after its deadline, before a worker that has not answered is replaced
-_MAX_SLACK = 8  # times that a worker gets which follows others that took too long
-_NEWEST_COUNTS = 0.2  # weight of the newest answer in how long one takes
-_QUICK_TO_TRUST = 25  # quick answers in a row after which the next worker gets no more than the usual time
+_MAX_SLACK = 8  # a worker that replaces slow ones may take at most this many times as long
+_NEWEST_WEIGHT = 0.2  # of the newest answer in the mean time of an answer
+_QUICK_TO_TRUST = 25  # quick answers in a row after which the usual limit applies again
 log = logging.getLogger("models")
 
 
@@ -124,7 +124,7 @@ class SupervisedWorker:
         self._care: asyncio.Task[None] | None = None
         self._later: asyncio.TimerHandle | None = None
         self._breaker = Breaker(faults_to_open=3)
-        self._answered_at, self._usual_s = 0.0, 0.0  # when it last answered, and how long an answer takes
+        self._answered_at, self._usual_s = 0.0, 0.0  # when it last answered, and the mean time of an answer
         self._slack, self._quick = 1, 0
         self.restarts = 0
 
@@ -213,7 +213,7 @@ class SupervisedWorker:
             return
         now = time.monotonic()
         took_s = now - max(waiting.asked, self._answered_at)
-        self._usual_s += _NEWEST_COUNTS * (took_s - self._usual_s)
+        self._usual_s += _NEWEST_WEIGHT * (took_s - self._usual_s)
         self._answered_at = now
         self._quick = self._quick + 1 if now - waiting.asked < self._hang_s / 2 else 0
         if self._quick >= _QUICK_TO_TRUST:

@@ -1,6 +1,7 @@
 """Check that the recruitment of a study file fits the study, and that all people get a code and a way back. Pure:
 yields problems."""
 
+# Python's parser of patterns has no public name; one of our own could read patterns differently from `re`.
 import re._parser as _parser  # type: ignore[import-not-found]
 from collections.abc import Iterator
 from typing import Final

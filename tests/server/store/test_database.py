@@ -74,10 +74,23 @@ def test_an_error_of_the_database_does_not_tell_what_somebody_wrote(database: Da
     assert "Ada Lovelace" not in str(caught.value)
 
 
-async def test_one_failing_function_of_a_group_undoes_only_itself(database: Database) -> None:
+async def kept_busy(database: Database) -> tuple[threading.Event, "asyncio.Task[bool]"]:
+    """The writer waits for the event, so that later functions gather in a group."""
     gate = threading.Event()
     blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
     await asyncio.sleep(0.05)
+    return gate, blocker
+
+
+def counted_commits(database: Database) -> list[int]:
+    """A list with an entry for each commit from now on."""
+    commits: list[int] = []
+    event.listen(database._writer._engine, "commit", lambda _: commits.append(1))
+    return commits
+
+
+async def test_one_failing_function_of_a_group_undoes_only_itself(database: Database) -> None:
+    gate, blocker = await kept_busy(database)
     waiting = [asyncio.create_task(database.write(studies.register, f"ring_{n}", "text")) for n in range(5)]
     broken = asyncio.create_task(database.write(fail_after_writing))
     waiting += [asyncio.create_task(database.write(studies.register, f"more_{n}", "text")) for n in range(5)]
@@ -92,11 +105,8 @@ async def test_one_failing_function_of_a_group_undoes_only_itself(database: Data
 
 async def test_functions_that_wait_share_one_commit(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("server.store.database.MAX_GROUP_S", math.inf)  # a busy machine takes long
-    commits: list[int] = []
-    event.listen(database._writer._engine, "commit", lambda _: commits.append(1))
-    gate = threading.Event()
-    blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
-    await asyncio.sleep(0.05)
+    commits = counted_commits(database)
+    gate, blocker = await kept_busy(database)
     waiting = [asyncio.create_task(database.write(studies.register, f"ring_{n}", "text")) for n in range(50)]
     await asyncio.sleep(0.05)
     gate.set()
@@ -107,11 +117,8 @@ async def test_functions_that_wait_share_one_commit(database: Database, monkeypa
 async def test_a_group_that_takes_long_is_several_commits(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     """So that 200 people who consent at once do not keep another server process waiting until it gives up."""
     monkeypatch.setattr("server.store.database.MAX_GROUP_S", -1.0)
-    commits: list[int] = []
-    event.listen(database._writer._engine, "commit", lambda _: commits.append(1))
-    gate = threading.Event()
-    blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
-    await asyncio.sleep(0.05)
+    commits = counted_commits(database)
+    gate, blocker = await kept_busy(database)
     waiting = [asyncio.create_task(database.write(studies.register, f"ring_{n}", "text")) for n in range(4)]
     broken = asyncio.create_task(database.write(fail_after_writing))
     last = asyncio.create_task(database.write(studies.register, "last", "text"))
@@ -133,9 +140,7 @@ async def test_failing_function_alone_leaves_nothing_behind(database: Database) 
 
 
 async def test_cancelled_write_that_has_not_begun_is_never_begun(database: Database) -> None:
-    gate = threading.Event()
-    blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
-    await asyncio.sleep(0.05)
+    gate, blocker = await kept_busy(database)
     with pytest.raises(TimeoutError):
         await asyncio.wait_for(database.write(studies.register, "ring", "text"), 0.05)
     gate.set()

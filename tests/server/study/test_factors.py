@@ -1,12 +1,16 @@
 """Factors of a study file: every combination of levels is a condition, and mistakes are told at their place."""
 
+import json
+import re
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
 from server.participation.episode_specs import episode_spec, models_of
 from server.study.assignment import Count, next_condition
 from server.study.definition import Study
+from server.study.factors import SETTING_OF
 from server.study.loader import StudyError, StudyFile, parse_study
 from server.study.steps import steps
 from tests.support.study_text import SMALL_STUDY
@@ -205,3 +209,9 @@ def test_errors_have_a_place_and_a_remedy(factors: str, line: str, words: str) -
     assert any(words in one for one in caught.value.lines), caught.value.lines
     assert len(caught.value.lines) == 1 or "degraded" in words
     assert number is None or caught.value.lines[0].startswith(f"small.yaml:{number}: "), caught.value.lines
+
+
+def test_the_study_builder_has_the_same_short_names_of_settings():
+    script = Path("static/js/admin/builder-items.js").read_text("utf-8")
+    (names,) = re.findall(r"const SETTINGS = (\{[^}]+\})", script)
+    assert json.loads(re.sub(r"(\w+):", r'"\1":', names).replace("'", '"')) == SETTING_OF
