@@ -122,6 +122,24 @@ async def test_every_command_for_containers_does_what_the_guide_says(
     assert re.search(ONE_EPISODE, machine.does(verify), re.MULTILINE)
 
 
+def test_one_container_with_sqlite_starts_as_the_guide_says_and_stops_cleanly(machine: DockerMachine) -> None:
+    name = f"kitchenmind_sqlite_{os.getpid()}"
+    build, run, verify, stop = (
+        re.sub(r"(--tag|--name|exec|--time 30|--volume) kitchenmind\b", rf"\1 {name}", line)
+        for line in commands(block("docker build"))
+    )
+    try:
+        machine.does(build, within_s=BUILT_TIMEOUT_S)
+        machine.does(re.sub(r"kitchenmind$", name, run))
+        with machine.proxy(caddy):
+            machine.until_ready(lambda: machine.does(f"docker logs --tail 40 {name}"))
+        machine.does(verify)
+        machine.does(stop)
+        assert machine.does(f"docker inspect --format '{{{{.State.ExitCode}}}}' {name}").strip() == "0"
+    finally:
+        machine.does(f"docker rm --force {name}; docker volume rm --force {name}; docker rmi --force {name}")
+
+
 def test_the_prolific_guide_uses_no_other_container_commands() -> None:
     prolific = (ROOT / "docs" / "guides" / "run_a_prolific_study.md").read_text(encoding="utf-8")
     others = set(commands(prolific)) - set(commands(guide_machine.GUIDE))
