@@ -1,5 +1,6 @@
 """Scripts, styles and templates of the pages: imports between folders of scripts, names, and line lengths."""
 
+import hashlib
 import json
 import re
 from pathlib import Path
@@ -72,6 +73,28 @@ def test_the_types_of_uplot_are_those_of_its_vendored_version() -> None:
     note = (ROOT / "static" / "vendor" / "uplot" / "README.md").read_text(encoding="utf-8")
     pinned = json.loads((ROOT / "package.json").read_text(encoding="utf-8"))["devDependencies"]["uplot"]
     assert note.startswith(f"uPlot {pinned} ")
+
+
+def test_the_library_for_videos_is_the_pinned_one_with_its_licence() -> None:
+    folder = ROOT / "static" / "vendor" / "mediabunny"
+    note = (folder / "README.md").read_text(encoding="utf-8")
+    pinned = json.loads((ROOT / "package.json").read_text(encoding="utf-8"))["devDependencies"]["mediabunny"]
+    assert note.startswith(f"Mediabunny {pinned} ")
+    assert f"/v/{pinned} " in note, "MPL-2.0: the note says where the source code is"
+    digest = hashlib.sha256((folder / "mediabunny.min.mjs").read_bytes()).hexdigest()
+    assert f"SHA-256 of `mediabunny.min.mjs`: `{digest}`" in note
+    assert "Mozilla Public License Version 2.0" in (folder / "LICENSE").read_text(encoding="utf-8")
+
+
+def test_the_library_for_videos_is_loaded_only_when_a_video_is_made() -> None:
+    def mentions(path: Path) -> list[str]:
+        return [line.strip() for line in path.read_text(encoding="utf-8").splitlines() if "mediabunny" in line]
+
+    sources = [*scripts(), *(ROOT / "templates").rglob("*.html")]
+    found = {file.name: [line for line in mentions(file) if "typedef" not in line] for file in sources}
+    assert {name: lines for name, lines in found.items() if lines} == {
+        "video-file.js": ["const library = await import('../../vendor/mediabunny/mediabunny.min.mjs');"]
+    }
 
 
 def test_node_is_needed_for_nothing_but_development() -> None:

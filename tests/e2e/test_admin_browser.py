@@ -90,14 +90,15 @@ def is_accessible(page: Page) -> None:
     assert violations(page) == []
 
 
-def played(page: Page, film: bytes) -> float:
-    """The film's length in seconds; the browser decodes it to its last picture, and it has many colours."""
+def played(page: Page, film: bytes, kind: str) -> tuple[float, int, int]:
+    """The film's length in seconds, width and height. The browser decodes it to its last picture, which has many
+    colours."""
     assert page.context.browser is not None
     watching = page.context.browser.new_page()
-    length, colours = watching.evaluate(
-        """async (data) => {
+    length, width, height, colours = watching.evaluate(
+        """async ([kind, data]) => {
           const video = document.createElement('video');
-          Object.assign(video, { muted: true, src: `data:video/webm;base64,${data}` });
+          Object.assign(video, { muted: true, src: `data:video/${kind};base64,${data}` });
           video.onerror = () => { throw new Error(video.error.message); };
           await new Promise((good) => { video.oncanplaythrough = good; });
           video.playbackRate = 4;
@@ -107,13 +108,20 @@ def played(page: Page, film: bytes) -> float:
           const pen = canvas.getContext('2d');
           pen.drawImage(video, 0, 0);
           const dots = new Uint32Array(pen.getImageData(0, 0, canvas.width, canvas.height).data.buffer);
-          return [video.duration, new Set(dots).size];
+          return [video.duration, canvas.width, canvas.height, new Set(dots).size];
         }""",
-        base64.b64encode(film).decode(),
+        [kind, base64.b64encode(film).decode()],
     )
     watching.close()
     assert colours > 20
-    return float(length)
+    return float(length), width, height
+
+
+def saved_video(page: Page) -> tuple[str, bytes]:
+    """Press the button; return the file's ending and the file."""
+    with page.expect_download() as video:
+        page.click("#video")
+    return video.value.suggested_filename.rpartition(".")[2], Path(video.value.path()).read_bytes()
 
 
 def test_a_running_game_is_watched_paused_and_resumed(page: Page) -> None:
@@ -213,9 +221,48 @@ def test_a_game_is_replayed_and_exported_as_a_film(page: Page, server: LiveServe
     assert now is not None
     assert frame["x"] <= now["x"] <= frame["x"] + frame["width"] - now["width"], "on a phone it is scrolled to"
     page.evaluate("location.hash = `#t=${document.querySelector('#scrub').max - 14}`")
-    with page.expect_download() as video:
-        page.click("#video")
-    assert played(page, Path(video.value.path()).read_bytes()) == 3.0, "15 timesteps of 200 ms"
+    checks_videos(page)
+
+
+# A browser that cannot encode H.264 although it says so, and one whose encoders all fail.
+WITHOUT_H264 = """() => {
+  const configure = VideoEncoder.prototype.configure;
+  VideoEncoder.prototype.configure = function (config) {
+    if (config.codec.startsWith('avc')) throw new DOMException('no H.264', 'NotSupportedError');
+    configure.call(this, config);
+  };
+}"""
+WITH_A_FAILING_ENCODER = """() => {
+  VideoEncoder.prototype.encode = () => { throw new DOMException('the encoder failed', 'EncodingError'); };
+}"""
+
+
+def checks_videos(page: Page) -> None:
+    """15 timesteps of 200 ms as MP4, then as WebM in a browser without H.264, then none."""
+    assets: list[str] = []
+    page.on("request", lambda request: assets.append(request.url.rpartition("/")[2]))
+    note = page.locator("#video-note")
+    expect(note).to_be_hidden()
+    assert page.evaluate("performance.getEntriesByType('resource').filter((e) => /mediabunny/.test(e.name))") == []
+    ending, film = saved_video(page)
+    assert "mediabunny.min.mjs" in assets
+    seconds, width, height = played(page, film, ending)
+    assert seconds == 3.0
+    assert (width % 2, height % 2, width > 400, height > 300) == (0, 0, True, True)
+    expect(page.locator("#video")).to_have_text("Video")
+    if ending == "mp4":  # builds of Chromium without H.264 save WebM
+        assert film.index(b"moov") < film.index(b"mdat"), "it plays while it loads"
+        expect(note).to_have_text("Saved as MP4 (H.264), which PowerPoint, Keynote and browsers play.")
+        page.evaluate(WITHOUT_H264)
+        ending, film = saved_video(page)
+        assert played(page, film, ending) == (3.0, width, height)
+    assert ending == "webm"
+    expect(note).to_contain_text("Saved as WebM, because this browser cannot encode H.264 for MP4.")
+    is_accessible(page)
+    page.evaluate(WITH_A_FAILING_ENCODER)
+    page.click("#video")
+    expect(note).to_contain_text("The video was not saved: this browser encodes neither H.264 nor VP9 nor VP8.")
+    expect(page.locator("#video")).to_have_text("Video")
 
 
 def test_the_live_page_shows_no_all_clear_while_an_alert_is_open(page: Page, server: LiveServer) -> None:

@@ -236,10 +236,10 @@ function connectDownloads() {
   onClick('copy', copyLink);
   const video = new VideoExport(name, who, text);
   onClick('picture', () => video.picture(record, player.t));
-  onClick('video', () => video.record(videoButton, record, player.t));
+  onClick('video', () => video.record(videoButton, place('video-note'), record, player.t));
   videoButton.disabled = !canRecordVideo;
-  place('no-video').hidden = canRecordVideo;
-  place('no-video').textContent = noVideoWords;
+  place('video-note').hidden = canRecordVideo;
+  place('video-note').textContent = canRecordVideo ? '' : noVideoWords;
 }
 
 async function copyLink() {

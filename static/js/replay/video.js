@@ -2,7 +2,6 @@
 
 /** @import { Catalogue } from '../browser/texts.js' */
 /** @import { State } from '../board/state.js' */
-/** @import { EncodedFrame, Film } from './webm.js' */
 
 import { Renderer, pixelRatio } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
@@ -11,7 +10,7 @@ import { boardState } from '../board/still-board.js';
 import { SPRITES } from '../browser/addresses.js';
 import { context2d } from '../browser/dom.js';
 import { frameOf } from './details.js';
-import { webm } from './webm.js';
+import { VideoFile } from './video-file.js';
 
 const FRAMES_PER_TICK = 5;
 /** @typedef {[width: number, height: number]} Size at most, in pixels */
@@ -20,14 +19,6 @@ const VIDEO_SIZE = [960, 640];
 /** @type {Size} large enough for print */
 const PICTURE_SIZE = [1920, 1440];
 const CAPTION = 40;
-const KEY_FRAME_EVERY = 50;
-const MAX_QUEUED = 6; // frames at the encoder
-const BITS_PER_SECOND = 1_000_000;
-/** @type {[codec: string, name: Film['codec']][]} */
-const CODECS = [
-  ['vp09.00.31.08', 'V_VP9'],
-  ['vp8', 'V_VP8'],
-];
 
 /** Whether this browser can make a video (over https or on one's own machine). */
 export const canRecordVideo = 'VideoEncoder' in window;
@@ -69,10 +60,11 @@ export class VideoExport {
   /**
    * Make a video of the record and save it. A second press of the button saves the part so far.
    * @param {HTMLElement} button
+   * @param {HTMLElement} note says what was saved, or why nothing was
    * @param {Researcher.EpisodeRecord} record
    * @param {number} first timestep
    */
-  async record(button, record, first) {
+  async record(button, note, record, first) {
     if (this.running) {
       this.running.stopped = true;
       return;
@@ -80,18 +72,44 @@ export class VideoExport {
     const words = button.textContent;
     const running = { stopped: false };
     this.running = running;
+    note.hidden = true;
     try {
-      const recorder = await VideoRecorder.open(record, this.who);
-      recorder.renderer.text = this.text;
-      const last = record.rows.length - 1;
-      for (let t = first < last ? first : 0; t <= last && !running.stopped; t += 1) {
-        await recorder.add(t);
-        button.textContent = `${Math.round((100 * t) / last)} %, stop`;
-      }
-      save(await recorder.finish(), `${this.name}.webm`);
+      note.textContent = await this.#make(record, first, running, (percent) => {
+        button.textContent = `${percent} %, stop`;
+      });
+    } catch (error) {
+      note.textContent = `The video was not saved: ${error instanceof Error ? error.message : error}. Try again.`;
     } finally {
+      note.hidden = false;
       button.textContent = words;
       this.running = null;
+    }
+  }
+
+  /**
+   * Make a video, save it, and return what to say about it.
+   * @param {Researcher.EpisodeRecord} record
+   * @param {number} first timestep
+   * @param {{ stopped: boolean }} running
+   * @param {(percent: number) => void} tell
+   */
+  async #make(record, first, running, tell) {
+    const recorder = await VideoRecorder.open(record, this.who);
+    recorder.renderer.text = this.text;
+    const last = record.rows.length - 1;
+    const start = first < last ? first : 0;
+    try {
+      // One timestep at least: a file without frames cannot be played.
+      for (let t = start; t <= last && (t === start || !running.stopped); t += 1) {
+        await recorder.add(t);
+        tell(Math.round((100 * t) / last));
+      }
+      const { ending, words } = recorder.file.kind;
+      save(await recorder.file.finish(), `${this.name}.${ending}`);
+      return words;
+    } catch (error) {
+      await recorder.file.discard().catch(() => {}); // the first error is the cause
+      throw error;
     }
   }
 }
@@ -111,39 +129,27 @@ async function rendererOf(board, record, who, [width, height]) {
   return renderer;
 }
 
-/** Draws one timestep after another on a canvas of its own and encodes what is on it. */
+/** Draws one timestep after another on a canvas of its own and adds what is on it to a file. */
 class VideoRecorder {
   /**
    * @param {Researcher.EpisodeRecord} record
    * @param {string} who
    * @param {HTMLCanvasElement} board
    * @param {Renderer} renderer draws on the board
+   * @param {HTMLCanvasElement} canvas board and caption
+   * @param {VideoFile} file of this canvas
    */
-  constructor(record, who, board, renderer) {
+  constructor(record, who, board, renderer, canvas, file) {
     this.gameRecord = record;
     this.who = who;
     this.board = board;
     this.renderer = renderer;
-    this.canvas = document.createElement('canvas');
-    this.canvas.width = this.board.width + (this.board.width % 2); // encoders want even sides
-    this.canvas.height = this.board.height + CAPTION + (this.board.height % 2);
-    this.context = context2d(this.canvas);
+    this.canvas = canvas;
+    this.context = context2d(canvas);
+    this.file = file;
     /** @type {State | null} */
     this.state = null;
     this.nowMs = 0;
-    this.count = 0;
-    /** @type {EncodedFrame[]} */
-    this.frames = [];
-    /** @type {DOMException | null} */
-    this.fault = null;
-    /** @type {Film['codec']} */
-    this.codec = 'V_VP9';
-    this.encoder = new VideoEncoder({
-      output: (chunk) => this.#keep(chunk),
-      error: (fault) => {
-        this.fault = fault;
-      },
-    });
   }
 
   /**
@@ -152,27 +158,13 @@ class VideoRecorder {
    */
   static async open(record, who) {
     const board = document.createElement('canvas');
-    const recorder = new VideoRecorder(record, who, board, await rendererOf(board, record, who, VIDEO_SIZE));
-    await recorder.#configure();
-    return recorder;
-  }
-
-  async #configure() {
-    const size = { width: this.canvas.width, height: this.canvas.height, bitrate: BITS_PER_SECOND };
-    for (const [codec, name] of CODECS) {
-      if (!(await VideoEncoder.isConfigSupported({ ...size, codec })).supported) continue;
-      this.codec = name;
-      this.encoder.configure({ ...size, codec });
-      return;
-    }
-    throw new Error('this browser encodes neither VP9 nor VP8');
-  }
-
-  /** @param {EncodedVideoChunk} chunk */
-  #keep(chunk) {
-    const data = new Uint8Array(chunk.byteLength);
-    chunk.copyTo(data);
-    this.frames.push({ data, ms: Math.round(chunk.timestamp / 1000), key: chunk.type === 'key' });
+    const renderer = await rendererOf(board, record, who, VIDEO_SIZE);
+    const canvas = document.createElement('canvas');
+    canvas.width = board.width + (board.width % 2); // H.264 needs even sides
+    canvas.height = board.height + CAPTION + (board.height % 2);
+    context2d(canvas); // the encoder's trial needs a picture
+    const file = await VideoFile.open(canvas, FRAMES_PER_TICK * record.rows.length);
+    return new VideoRecorder(record, who, board, renderer, canvas, file);
   }
 
   /**
@@ -189,7 +181,7 @@ class VideoRecorder {
     for (let frame = 0; frame < FRAMES_PER_TICK; frame += 1) {
       this.renderer.draw(this.state, this.nowMs, false);
       this.#compose(t, state.score);
-      await this.#encode(game.tick_ms / FRAMES_PER_TICK);
+      await this.file.add(this.nowMs, game.tick_ms / FRAMES_PER_TICK);
       this.nowMs += game.tick_ms / FRAMES_PER_TICK;
     }
   }
@@ -209,28 +201,6 @@ class VideoRecorder {
     context.font = '600 18px system-ui, sans-serif';
     context.textBaseline = 'middle';
     context.fillText(words, 12, board.height + CAPTION / 2, canvas.width - 24);
-  }
-
-  /** @param {number} lengthMs */
-  async #encode(lengthMs) {
-    const times = { timestamp: Math.round(1000 * this.nowMs), duration: Math.round(1000 * lengthMs) };
-    const frame = new VideoFrame(this.canvas, times);
-    this.encoder.encode(frame, { keyFrame: this.count % KEY_FRAME_EVERY === 0 });
-    frame.close();
-    this.count += 1;
-    while (this.encoder.encodeQueueSize > MAX_QUEUED && !this.fault) {
-      await new Promise((resolve) => {
-        setTimeout(resolve, 5);
-      });
-    }
-    if (this.fault) throw this.fault;
-  }
-
-  async finish() {
-    await this.encoder.flush();
-    this.encoder.close();
-    const { width, height } = this.canvas;
-    return webm({ codec: this.codec, width, height, ms: this.nowMs }, this.frames);
   }
 }
 
