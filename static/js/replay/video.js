@@ -78,7 +78,8 @@ export class VideoExport {
         button.textContent = `${percent} %, stop`;
       });
     } catch (error) {
-      note.textContent = `The video was not saved: ${error instanceof Error ? error.message : error}. Try again.`;
+      const reason = error instanceof Error ? error.message : error;
+      note.textContent = `The video was not saved: ${reason}. Try again, or use a newer browser.`;
     } finally {
       note.hidden = false;
       button.textContent = words;
