@@ -42,15 +42,17 @@ class CsrfProtection:
         """Return what a form must bring back: when it was made, signed for the session that it was made for."""
         return self._form_signer(session, now_s).sign(_FORM).decode()
 
-    def is_own_form(self, token: str, session: str, now_s: float | None = None) -> bool:
+    def is_own_form(
+        self, token: str, session: str, now_s: float | None = None, max_age_s: float = FORM_S
+    ) -> bool:
         """Return whether we made the form for this session, less than half a day ago. A form from the future counts
-        too: the signature is ours, so the machine's clock was set back since then."""
+        too: the signature is ours, so the machine's clock was set back since then. `max_age_s` infinite: at any time."""
         signer = self._form_signer(session, now_s)
         try:
             value, made = signer.unsign(token, return_timestamp=True)
         except BadSignature:
             return False
-        return value == _FORM and abs(signer.get_timestamp() - made.timestamp()) <= FORM_S
+        return value == _FORM and abs(signer.get_timestamp() - made.timestamp()) <= max_age_s
 
     def is_own_origin(self, connection: HTTPConnection) -> bool:
         """Return whether a POST or a socket comes from our own pages. A client that is not a browser sends no Origin

@@ -99,23 +99,31 @@ async def own_form(request: Request, web: WebDep) -> Form:
 FormDep = Annotated[Form, Depends(own_form)]
 
 
-async def answers_form(request: Request, web: WebDep) -> Form:
-    """Return `own_form` of a page with questions, whose answers are checked one by one (server.study.answer_checks)."""
-    return await read_form(request, web.csrf, controls=True)
-
-
-AnswersFormDep = Annotated[Form, Depends(answers_form)]
-
-
 @dataclass(frozen=True)
-class SentConsent:
-    """A consent form. `expired` is None, or the reason why it counts for nothing and is shown again."""
+class SentForm:
+    """A form that a participant filled in. `expired` is None, or the reason why it counts for nothing and is shown
+    again."""
 
     form: Form
     expired: FormExpired | None = None
 
 
-async def consent_form(request: Request, name: str, web: WebDep) -> SentConsent:
+async def answers_form(request: Request, web: WebDep) -> SentForm:
+    """Return `own_form` of the current step, also when the page was open for too long: answers take a while to write.
+    They are checked one by one (server.study.answer_checks)."""
+    try:
+        form = await read_form(request, web.csrf, controls=True)
+    except FormExpired as expired:
+        if not expired.only_old or wants_json(request):
+            raise
+        return SentForm(expired.form, expired)
+    return SentForm(form)
+
+
+AnswersFormDep = Annotated[SentForm, Depends(answers_form)]
+
+
+async def consent_form(request: Request, name: str, web: WebDep) -> SentForm:
     """Return `own_form` of the consent page, also when it is sent again: the first submission gave this browser its
     cookie."""
     secret, cookie = web.csrf.secret, token_of(request)
@@ -124,11 +132,11 @@ async def consent_form(request: Request, name: str, web: WebDep) -> SentConsent:
             request, web.csrf, was_nobodys=lambda form: token_for(secret, name, first(form, "visit")) == cookie
         )
     except FormExpired as expired:
-        return SentConsent(expired.form, expired)
-    return SentConsent(form)
+        return SentForm(expired.form, expired)
+    return SentForm(form)
 
 
-ConsentFormDep = Annotated[SentConsent, Depends(consent_form)]
+ConsentFormDep = Annotated[SentForm, Depends(consent_form)]
 
 
 async def participant_of(request: Request, name: str, web: WebDep) -> Participant | None:
@@ -219,6 +227,7 @@ class PageResponse:
             "may_start_new": self.study is not None and may_start_new(self.study),
             "phases": (),
             "phase": "",
+            "expired": False,
         }
         base["shown_at"] = "" if self.link is None else base["path"]  # the address of a form is not that of a page
         headers = {"Cache-Control": "no-store", "Vary": "Accept"}

@@ -1,6 +1,7 @@
 """Read submitted forms within limits. Their content is not trusted."""
 
 import asyncio
+import math
 from collections.abc import Callable, Mapping
 from urllib.parse import parse_qs
 
@@ -19,11 +20,13 @@ Form = Mapping[str, list[str]]
 
 
 class FormExpired(HTTPException):
-    """A page of this server sent the form, but it was made too long ago or for another session. `form`: its fields."""
+    """A page of this server sent the form, but it was made too long ago or for another session. `form`: its fields.
+    `only_old`: it was made for this session."""
 
-    def __init__(self, form: Form) -> None:
+    def __init__(self, form: Form, only_old: bool = False) -> None:
         super().__init__(403, "The form has expired or is not from this server. Reload the page.")
         self.form = form
+        self.only_old = only_old
 
 
 async def read_form(
@@ -50,8 +53,9 @@ async def read_form(
     sessions = [session_of(request) if session is None else session]
     if was_nobodys is not None and was_nobodys(form):
         sessions.append(NOBODY)
-    if not any(csrf.is_own_form(first(form, FORM_FIELD), one) for one in sessions):
-        raise FormExpired(found)
+    token = first(form, FORM_FIELD)
+    if not any(csrf.is_own_form(token, one) for one in sessions):
+        raise FormExpired(found, csrf.is_own_form(token, sessions[0], max_age_s=math.inf))
     for name, values in found.items() if not controls else ():
         if any(CONTROL.search(value) for value in values):
             raise HTTPException(

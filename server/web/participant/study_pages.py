@@ -109,16 +109,18 @@ async def now(request: Request, name: str, web: WebDep, participant: Participant
 
 @router.post("/s/{name}/now")
 async def submit(
-    request: Request, name: str, web: WebDep, participant: ParticipantDep, form: AnswersFormDep
+    request: Request, name: str, web: WebDep, participant: ParticipantDep, sent: AnswersFormDep
 ) -> Response:
     """Handle the submission of the current step's page. That of any other step changes nothing and leads to the current
     one."""
     if participant is None:
         return see_other(f"/s/{name}")
-    back = see_other(step_address(name))
+    back, form = see_other(step_address(name)), sent.form
     step = web.studies.step(participant)
     if participant.status != "active" or first(form, "step") != step.key:
         return back
+    if sent.expired is not None:
+        return await _show(request, web, participant, Filled(form, expired=True), 403)
     study = web.studies.of(participant)
     earlier = await web.studies.earlier_answers(web.database, participant) or {}
     checked, attention = check_page(study, participant, step, form, earlier)

@@ -24,10 +24,11 @@ from server.web.participant.introduction import introduction_of
 
 @dataclass(frozen=True)
 class Filled:
-    """A form with invalid answers: its values are kept."""
+    """A form that is shown again with its values: answers are invalid, or the page was open for too long."""
 
     form: Mapping[str, list[str]] = field(default_factory=dict)
     faults: Mapping[str, AnswerError] = field(default_factory=dict)
+    expired: bool = False
 
 
 async def render_step(page: PageResponse, participant: Participant, filled: Filled | None, status: int) -> Response:
@@ -46,7 +47,8 @@ async def render_step(page: PageResponse, participant: Participant, filled: Fill
         "episodes": episodes_of(page.web.studies.of(participant)),
     }
     template, context_of = STEP_PAGES[step.kind]
-    base |= await context_of(page, participant, step, filled or Filled())
+    filled = filled or Filled()
+    base |= {"expired": filled.expired} | await context_of(page, participant, step, filled)
     response = page.render(f"participant/{template}.html", status, **base)
     back = base.get("back")
     if back is not None and back.fields is not None:
