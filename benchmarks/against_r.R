@@ -6,6 +6,12 @@
 # EXPORT_DIR/flags.csv has episode, participant and proposal of the report's quality.csv. On Debian, the packages are
 # r-cran-lmertest, -pbkrtest, -ordinal, -emmeans, -afex, -car, -effectsize, -clubsandwich, -psych and -rpact.
 
+needed <- c("lmerTest", "pbkrtest", "ordinal", "emmeans", "afex", "car", "effectsize", "clubSandwich", "psych", "rpact")
+missing <- needed[!vapply(needed, requireNamespace, logical(1), quietly = TRUE)]
+if (length(missing)) {
+  message("R has no package ", paste(missing, collapse = ", "), ". The first lines of against_r.R name Debian's.")
+  quit(status = 3)
+}
 suppressPackageStartupMessages({
   library(lmerTest)
   library(ordinal)

@@ -28,6 +28,7 @@ from analysis.tables import read_export  # noqa: E402
 from benchmarks.support import kept_figures  # noqa: E402
 from benchmarks.support.r_cases import CASES, Case, write_case  # noqa: E402
 
+WITHOUT_PACKAGES = 3  # the exit status of the script where R lacks a package
 SCRIPT = Path(__file__).with_suffix(".R")
 KEPT = ROOT / "tests" / "data" / "numbers_of_r.csv.gz"
 DOCUMENT = ROOT / "docs" / "explanation" / "statistics.md"
@@ -110,7 +111,11 @@ def numbers_of_r(cases: Sequence[Case]) -> tuple[list[dict[str, str]], list[str]
             flags = analyse(read_export(place), OPTIONS).quality
             flags.select("episode", "participant", "proposal").write_csv(place / "flags.csv")
             command = ["Rscript", str(SCRIPT), str(place), str(place / "r.csv")]
-            output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+            done = subprocess.run(command, check=False, capture_output=True, text=True)
+            if done.returncode == WITHOUT_PACKAGES:
+                raise SystemExit(done.stderr.strip())
+            done.check_returncode()
+            output = done.stdout
             with (place / "r.csv").open(encoding="utf-8") as stream:
                 numbers += [{"case": case.name, **row} for row in csv.DictReader(stream)]
     return numbers, output.split("\n")[:-1]

@@ -8,13 +8,14 @@ many <- function(key) {
   found <- regmatches(study, regexec(sprintf("primary:[^\n]*%s: \\[([a-z0-9_, ]+)\\]", key), study))[[1]]
   if (length(found)) strsplit(found[2], ", ")[[1]] else character()
 }
-# Boundaries of looks by rpact (Lan-DeMets spending); people of the declared looks, the present one at its own number.
+# Boundaries of looks by rpact (Lan-DeMets spending). The present look is the nearest of the declared ones, of two the
+# later, and counts with its own number of people; those before it count with the declared numbers.
 nominal_level <- function(people, alpha, sided) {
   looks <- as.numeric(many("looks"))
   if (length(looks) == 0) return(alpha)
   planned <- max(looks)
-  taken <- looks[looks <= people]
-  taken[length(taken)] <- people
+  place <- max(which(abs(looks - people) == min(abs(looks - people))))
+  taken <- c(looks[seq_len(place - 1)], people)
   rates <- unique(c(taken / planned, 1))
   kind <- if (word("spending", "obrien_fleming") == "pocock") "asP" else "asOF"
   design <- rpact::getDesignGroupSequential(sided = sided, alpha = alpha, informationRates = rates, typeOfDesign = kind,
