@@ -42,11 +42,9 @@ class CsrfProtection:
         """Return what a form must bring back: when it was made, signed for the session that it was made for."""
         return self._form_signer(session, now_s).sign(_FORM).decode()
 
-    def is_own_form(
-        self, token: str, session: str, now_s: float | None = None, max_age_s: float = FORM_S
-    ) -> bool:
+    def is_own_form(self, token: str, session: str, now_s: float | None = None, max_age_s: float = FORM_S) -> bool:
         """Return whether we made the form for this session, less than half a day ago. A form from the future counts
-        too: the signature is ours, so the machine's clock was set back since then. `max_age_s` infinite: at any time."""
+        too: the signature is ours, so the machine's clock was set back since then. `max_age_s`: at most so old."""
         signer = self._form_signer(session, now_s)
         try:
             value, made = signer.unsign(token, return_timestamp=True)

@@ -1,4 +1,4 @@
-"""Pages of a step that were open for longer than a form counts: nothing is stored, and nothing that was typed is lost."""
+"""Pages that were open for longer than a form counts: nothing is stored, and nothing that was typed is lost."""
 
 import re
 import time
