@@ -43,6 +43,14 @@ def test_compose_file_is_refused_without_a_secret(missing: str) -> None:
     assert "set it in .env" in refused.stderr
 
 
+def test_no_container_can_gain_rights() -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    assert {name: service["security_opt"] for name, service in services.items()} == dict.fromkeys(
+        services, ["no-new-privileges:true"]
+    )
+    assert services["server"]["cap_drop"] == ["ALL"]
+
+
 def given(environment: dict[str, str]) -> dict[str, str]:
     """The server's variables as compose fills them in from an environment."""
     services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
