@@ -159,7 +159,7 @@ def open_study(name: str, web: WebDep) -> OpenStudy:
     """Return the study at this address. Answers 404 if there is none."""
     found = web.studies.open(name)
     if found is None:
-        raise HTTPException(404, f"there is no study {name!r} here")
+        raise HTTPException(404, f"There is no study {name!r}. Use the link from your invitation.")
     return OpenStudy(*found)
 
 
@@ -183,7 +183,7 @@ def known_study(name: str, web: WebDep) -> KnownStudy:
     versions = web.studies.versions(name)
     study = web.studies.version(versions[0]) if versions else None
     if study is None:
-        raise HTTPException(404, f"there is no study {name!r} here")
+        raise HTTPException(404, f"There is no study {name!r}. Use the link from your invitation.")
     return KnownStudy(study, False)
 
 

@@ -81,4 +81,4 @@ async def rate_limit(connection: HTTPConnection) -> None:
         who = hashlib.sha256(token.encode()).hexdigest()
         allowed = rates.spend(who, PER_S, BURST) and allowed
     if not allowed:
-        raise HTTPException(429, "too many requests. Wait a little", {"Retry-After": "5"})
+        raise HTTPException(429, "Too many requests. Wait a few seconds and try again.", {"Retry-After": "5"})

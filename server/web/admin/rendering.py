@@ -131,5 +131,5 @@ def study_at(web: Web, name: str) -> tuple[tuple[int, ...], Study]:
         return versions, opened[1]
     study = web.studies.version(versions[0]) if versions else None
     if study is None:
-        raise HTTPException(404, f"there is no study {name!r} here")
+        raise HTTPException(404, f"There is no study {name!r}. Open it from the list of studies.")
     return versions, study
