@@ -17,7 +17,6 @@ from server.export.codebook import WIDE
 from server.export.codebook_columns import Column
 from server.store import studies as versions
 from server.store import ticks as tick_rows
-from server.store.displays import NO_VIOLATIONS, violations
 from server.store.episodes import is_misleading
 from server.store.studies import StudyVersion
 from server.store.tables import (
@@ -34,6 +33,7 @@ from server.store.tables import (
     visits,
     withdrawals,
 )
+from server.store.wrong_displays import NO_VIOLATIONS, violations
 
 Row = tuple[Any, ...]
 Rows = Iterator[Row]

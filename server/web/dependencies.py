@@ -26,7 +26,7 @@ from server.web.compiled_templates import compiled_templates
 from server.web.forms import Form, FormExpired, first, read_form
 from server.web.markdown import MARKDOWN
 from server.web.participant.step_json import step_page, wants_json
-from server.web.rate_limits import NewPlaces
+from server.web.rate_limits import EnrolmentLimits
 from server.web.security_headers import policy
 from server.web.services import services_of
 
@@ -41,7 +41,7 @@ class Web:
     studies: Studies
     csrf: CsrfProtection
     templates: jinja2.Environment
-    places: NewPlaces = field(default_factory=NewPlaces)
+    enrolment_limits: EnrolmentLimits = field(default_factory=EnrolmentLimits)
     production: bool = False
 
 

@@ -9,7 +9,7 @@ import polars as pl
 from analysis import apa_text, mixed_model, questionnaires
 from analysis.groups import main_contrast
 from analysis.results import Result
-from analysis.simulated import PEOPLE
+from analysis.simulated_participants import PEOPLE
 from analysis.study import MEASURE, AnalysisDesign
 from analysis.study import reward_tests as reward_tests_of
 

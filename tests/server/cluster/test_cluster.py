@@ -28,7 +28,7 @@ from server.monitoring.commands import (
 )
 from server.monitoring.peers import Process, View
 from server.play.game import Game
-from server.store import admins, decisions, new_places, study_drafts, ticks
+from server.store import admins, decisions, enrolment_limits, study_drafts, ticks
 from server.store.study_drafts import DraftText
 from server.study.loader import StudyError
 from server.web.passwords import hashed
@@ -241,7 +241,7 @@ async def test_the_dashboard_of_each_process_shows_the_alerts_of_all(pair: Pair)
     here, there = pair
     await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
     database = here.app.state.services.web.database
-    here.do(lambda: database.write(new_places.turn_away, "short", datetime.now(UTC)))
+    here.do(lambda: database.write(enrolment_limits.turn_away, "short", datetime.now(UTC)))
     await until(lambda: alerted(here, "asked for more than") and alerted(there, "asked for more than"))
     assert [alerted(live, "asked for more than") for live in pair] == [1, 1]
     told = [live for live in pair if "places short" in live.app.state.services.alerts.open]
