@@ -28,7 +28,7 @@ OUTCOMES = {
     "page after consent: another participant can take it.",
     "excluded": "The data are excluded.",
     "restored": "The exclusion is undone.",
-    "released": "The slot is free again.",
+    "released": "The place is free again.",
     "study_paused": "The study is paused: nobody can join, and no game runs.",
     "study_resumed": "The study continues.",
     "version_served": "The new version is served: new participants get it.",
