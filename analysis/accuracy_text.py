@@ -9,7 +9,7 @@ from analysis.accuracy import degraded_to, without_degradation
 from analysis.formatting import listed, number
 from analysis.phrases import partner
 from analysis.results import Result, select
-from analysis.simulated import Subjects
+from analysis.simulated_participants import Subjects
 
 
 def _live(rows: Sequence[Result]) -> list[Result]:

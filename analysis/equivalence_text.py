@@ -9,7 +9,7 @@ from analysis.formatting import number, p_equals
 from analysis.groups import ALL
 from analysis.phrases import ALPHA, condition, layout, note, question, statistic
 from analysis.results import Result, select
-from analysis.simulated import PEOPLE, Subjects
+from analysis.simulated_participants import PEOPLE, Subjects
 
 
 def outcome(equivalence: Result, difference: Result) -> str:

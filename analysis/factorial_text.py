@@ -13,7 +13,7 @@ from analysis.factorial_within import WITHIN
 from analysis.formatting import listed, number, p_equals
 from analysis.phrases import question, significant, statistic, with_p
 from analysis.results import Result, select
-from analysis.simulated import PEOPLE, Subjects
+from analysis.simulated_participants import PEOPLE, Subjects
 
 
 def effect_title(term: str) -> str:

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from analysis.simulated import LABEL
+from analysis.simulated_participants import LABEL
 
 INK, SOFT, LINE, CARD = "#22303c", "#5b6873", "#e3d9c8", "#ffffff"
 ACCENT = "#b8501f"

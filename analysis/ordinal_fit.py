@@ -18,7 +18,7 @@ NEWTON_STEPS = 100
 TOLERANCE = 1e-10
 FLAT = 1e-3  # of the gradient at a maximum
 STEP = 1e-4  # for the differences that give the curvature
-LARGEST = 15.0  # log odds beyond which answers are separated and there is no estimate
+MAX_LOG_ODDS = 15.0  # log odds beyond which answers are separated and there is no estimate
 
 
 class OrdinalFitError(ValueError):
@@ -70,13 +70,13 @@ def fit(data: OrdinalData, nodes: int = NODES) -> OrdinalFit:
     with np.errstate(over="ignore", invalid="ignore"):
         place = np.asarray(optimize.minimize(loss, _start(data), jac=slope, method="BFGS").x)
     thresholds, beta, sd = unpacked(data, place)
-    if np.abs(beta).max(initial=0) > LARGEST or np.abs(thresholds).max() > 3 * LARGEST:
+    if np.abs(beta).max(initial=0) > MAX_LOG_ODDS or np.abs(thresholds).max() > 3 * MAX_LOG_ODDS:
         raise OrdinalFitError("the answers of some conditions do not overlap with the others")
     value = loss(place)
     if not np.isfinite(value) or np.abs(slope(place)).max() > FLAT:
         raise OrdinalFitError("the search for the maximum did not end")
     covariance = _covariance(data, place, slope)
-    if np.diag(covariance).max(initial=0) > LARGEST**2:
+    if np.diag(covariance).max(initial=0) > MAX_LOG_ODDS**2:
         raise OrdinalFitError("the answers do not determine some effects")
     return OrdinalFit(thresholds, beta, covariance, abs(sd), -value)
 

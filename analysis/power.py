@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
-from analysis.simulated import LABEL
+from analysis.simulated_participants import LABEL
 
 Values = NDArray[np.float64]
 STUDIES = 2000

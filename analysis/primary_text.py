@@ -13,7 +13,7 @@ from analysis.formatting import listed, number
 from analysis.phrases import condition, note, statistic
 from analysis.primary import SECTION, level_of, look_at
 from analysis.results import Result, select
-from analysis.simulated import PEOPLE, Subjects
+from analysis.simulated_participants import PEOPLE, Subjects
 
 TITLES = {
     "welch": "Welch’s t-test",

@@ -9,7 +9,7 @@ from analysis.model_checks import SECTION, SIMPLE
 from analysis.ordinal import SECTION as ORDINAL
 from analysis.phrases import ALPHA, agent, condition, layout, question, significant, with_p
 from analysis.results import Result, select
-from analysis.simulated import PEOPLE, Subjects
+from analysis.simulated_participants import PEOPLE, Subjects
 
 
 def checks(who: Subjects) -> dict[str, str]:

@@ -12,7 +12,7 @@ from analysis.declared import DeclaredTest
 from analysis.exclusions import watched_partners
 from analysis.groups import computed
 from analysis.results import Result
-from analysis.simulated import Subjects
+from analysis.simulated_participants import Subjects
 from analysis.tables import Export
 
 SECTION = "sensitivity"

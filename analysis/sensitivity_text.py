@@ -13,7 +13,7 @@ from analysis.primary_text import compared_words, measure_words
 from analysis.results import Result, select
 from analysis.robustness import main_test
 from analysis.sensitivity import ATTRITION, SECTION
-from analysis.simulated import PEOPLE, Subjects
+from analysis.simulated_participants import PEOPLE, Subjects
 
 
 def sensitivity_sentences(

@@ -9,7 +9,6 @@ import polars as pl
 from analysis import (
     accuracy,
     assumptions,
-    cards,
     compare,
     data_quality,
     exclusions,
@@ -19,6 +18,7 @@ from analysis import (
     limited_sight,
     measures,
     mixed_model,
+    model_cards,
     on_demand,
     power,
     primary,
@@ -31,7 +31,7 @@ from analysis.declared import Declaration, DeclaredTest, declaration_of
 from analysis.groups import ALL, cells, main_contrast
 from analysis.results import Result
 from analysis.robustness import RobustnessInputs, robustness_rows
-from analysis.simulated import Subjects
+from analysis.simulated_participants import Subjects
 from analysis.tables import Export, ExportError
 
 MEASURE = "reward"
@@ -113,7 +113,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *assumptions.check(episodes, MEASURE, conditions, cells(layouts, agents)),
         *questionnaires.rows(answers, conditions, agents),
         *scales.rows(export, scores, used, conditions),
-        *accuracy.offline(cards.known_offline(export, options.weights), layouts, agents),
+        *accuracy.offline(model_cards.known_offline(export, options.weights), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
         *design_rows(export, episodes, answers, conditions),
         *robustness_rows(RobustnessInputs(export, every, episodes, quality, answers, *compared)),

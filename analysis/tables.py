@@ -15,7 +15,7 @@ from typing import Any
 import polars as pl
 import yaml
 
-from analysis.simulated import PEOPLE, SIMULATED, Subjects, is_simulated, without_pooling
+from analysis.simulated_participants import PEOPLE, SIMULATED, Subjects, is_simulated, without_pooling
 from analysis.table_files import COLUMNS, read_table
 from analysis.table_files import ExportError as ExportError
 from analysis.within_effects import PREFIX

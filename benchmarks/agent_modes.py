@@ -3,7 +3,7 @@ mode.
 
     python benchmarks/agent_modes.py [--layout coordination_ring] [--agent sp] [--quick]
 
-The partner is in the same mode as the agent. The figures behind `training.agents.PEOPLE`.
+The partner is in the same mode as the agent. The figures behind `training.train_agent.PEOPLE`.
 """
 
 import argparse

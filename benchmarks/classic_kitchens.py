@@ -53,7 +53,7 @@ def main() -> None:
 
 def measured(quick: bool = False) -> dict[str, Any]:
     """Measure points in self-play and with the human proxy, with the hashes of the agents."""
-    from training.choose import evaluate_with
+    from training.choose_agents import evaluate_with
 
     size = {"episodes": 1, "timesteps": 20} if quick else {"episodes": EPISODES}
     entries = [entry for name in LAYOUTS for entry in evaluate_with(load_layout(name), HUMAN, AGENTS, **size)]

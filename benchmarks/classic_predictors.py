@@ -7,7 +7,8 @@ What is in classic_predictors.json is not measured again while agent, predictor 
 game has a fixed seed, so the figures would be the same. Without that file, everything is measured.
 
 The table also has the accuracy with the test partners (from the predictors' cards) and, with the proxy, the accuracy of
-an observer who knows the action probabilities of both agents, but not their random draws (`benchmarks/limits.py`).
+an observer who knows the action probabilities of both agents, but not their random draws
+(`benchmarks/accuracy_ceiling.py`).
 """
 
 import json
@@ -118,7 +119,7 @@ def _with_human(name: str, agent: str, folder: Path, quick: bool) -> float:
 
 
 def _observer(name: str, agent: str, quick: bool) -> float:
-    from benchmarks.limits import limits
+    from benchmarks.accuracy_ceiling import limits
 
     steps = limits(load_layout(name), agent, HUMAN, 60 if quick else STATES)
     return round(sum(steps) / STEPS, 2)

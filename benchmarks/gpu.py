@@ -24,8 +24,8 @@ from benchmarks.processor import described  # noqa: E402
 from models.networks.config import PredictorConfig  # noqa: E402
 from models.networks.predictor import PredictorNetwork  # noqa: E402
 from overcooked.layout import Layout, load_layout  # noqa: E402
+from training.agent_config import agent_config, network_config  # noqa: E402
 from training.compute import request  # noqa: E402
-from training.config import agent_config, network_config  # noqa: E402
 from training.dataset import Episodes  # noqa: E402
 from training.fast_path import choose_compute  # noqa: E402
 from training.ppo import PpoTrainer  # noqa: E402

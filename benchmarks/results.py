@@ -49,7 +49,7 @@ def measured(quick: bool = False) -> dict[str, Any]:
     from models.agents.catalogue import load_agent
     from models.networks.checkpoint import load_checkpoint
     from models.networks.predictor import predictor_network
-    from training.choose import evaluate_bundled
+    from training.choose_agents import evaluate_bundled
     from training.collect import CollectionPlan
     from training.evaluate_agents import EvaluatedAgent
     from training.evaluate_agents import measured as measured_agent
@@ -82,7 +82,7 @@ def measured(quick: bool = False) -> dict[str, Any]:
 
 def observer(layout: Layout, agent: str, quick: bool = False) -> dict[str, Any]:
     """Measure the accuracy (%) of an observer who knows both agents' action probabilities, with the test partners."""
-    from benchmarks.limits import limits
+    from benchmarks.accuracy_ceiling import limits
     from training.collect import TEST
 
     return {"layout": layout.name, "agent": agent, "steps": limits(layout, agent, TEST, 60 if quick else STATES)}
@@ -126,7 +126,7 @@ def _accuracy(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) 
     return [
         "Accuracy of the predictors of the published agents (%, mean of three steps; `window` is the paper's form).",
         "The observer knows the action probabilities of both agents, but not their random draws: no predictor can",
-        "do better on average (`benchmarks/limits.py`).",
+        "do better on average (`benchmarks/accuracy_ceiling.py`).",
         "",
         *results_tables.accuracy(entries, observers, SETS["published"], FORMS),
         "",

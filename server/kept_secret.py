@@ -26,5 +26,7 @@ def kept_secret(path: Path) -> bytes:
             os.fsync(file.fileno())
         except OSError as error:
             file.truncate(0)
-            raise ValueError(f"cannot keep the secret in {path}: {error.strerror}") from None
+            raise ValueError(
+                f"cannot keep the secret in {path} ({error.strerror}). Make room there, or set KITCHENMIND_SECRET"
+            ) from None
         return made

@@ -63,7 +63,7 @@ from server.web.participant import exits, game_socket, study_pages, watch_agents
 from server.web.participant.game_socket import Sockets
 from server.web.participant.watch_agents import Demonstrations
 from server.web.public_path import PublicPath
-from server.web.rate_limits import NewPlaces, Rates, rate_limit
+from server.web.rate_limits import EnrolmentLimits, Rates, rate_limit
 from server.web.request_boundary import Boundary
 from server.web.security_headers import SecurityHeaders
 from server.web.services import Services
@@ -123,8 +123,8 @@ async def wired(
         studies = await Studies.opened(database, files)
         await starting
         production = settings.mode == "production"
-        places = NewPlaces(settings.new_per_address, settings.signing_key(), counts_local=production)
-        web = Web(database, studies, csrf, templates(csrf.root), places, production)
+        limits = EnrolmentLimits(settings.new_per_address, settings.signing_key(), counts_local=production)
+        web = Web(database, studies, csrf, templates(csrf.root), limits, production)
         app.state.services = await _services(settings, files, web, models, stack, joins)
         warm_up.prepare_routes(app)
         gc.freeze()

@@ -11,7 +11,7 @@ from pathlib import Path
 from models.agents.catalogue import KINDS, WEIGHTS, strong
 from models.networks.checkpoint import load_checkpoint, save_checkpoint
 from overcooked.layout import Layout
-from training.choose import publish_from
+from training.choose_agents import publish_from
 from training.collect import CollectionPlan
 from training.compact_predictor import compact
 from training.pipeline.agent_tasks import prediction_tasks, study_tasks

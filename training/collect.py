@@ -185,12 +185,12 @@ def games_with(layout: Layout, target: Target, partner: Partner, plan: Collectio
         seen = kitchens.encode()
         own = target.policy.probabilities(seen[number, seats[:, 0]])
         other = partner.policy.probabilities(seen[number, seats[:, 1]])
-        law = distribution(own, stuck[0].counts, target.mode)
+        probabilities = distribution(own, stuck[0].counts, target.mode)
         of_partner = _partner_distribution(partner, other, stuck[1], decided)
-        actions = np.stack([draw(law, random.random(games)), draw(of_partner, random.random(games))], 1)
+        actions = np.stack([draw(probabilities, random.random(games)), draw(of_partner, random.random(games))], 1)
         state = {"players": kitchens.players, "contents": kitchens.contents, "timestep": kitchens.timestep}
         stuck_counts = np.stack([counter.counts for counter in stuck], 1)
-        now = {**state, "actions": actions, "law": law, "stuck": stuck_counts}
+        now = {**state, "actions": actions, "law": probabilities, "stuck": stuck_counts}
         for name, values in now.items():
             shard[name][:, t] = values
         kitchens.step(np.take_along_axis(actions, seats.astype(np.intp), 1), events)  # back into the order of the seats

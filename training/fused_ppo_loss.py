@@ -11,7 +11,7 @@ import torch
 from numba import njit
 from torch import Tensor
 
-from training.config import AgentConfig
+from training.agent_config import AgentConfig
 
 
 class FusedLoss(torch.autograd.Function):

@@ -11,7 +11,7 @@ from models.agents.planner import MODE, PlannerPolicy
 from overcooked.constants import ACTIONS, PLAYERS
 from overcooked.layout import Layout
 from overcooked.vector_env import VectorEnv
-from training.config import AgentConfig
+from training.agent_config import AgentConfig
 from training.fast_path import FastPath
 
 _GAMES, _TIMESTEPS = 48, 400

@@ -24,8 +24,8 @@ from overcooked.constants import PLAYERS, USEFUL_DISH_PICKUP
 from overcooked.layout import Layout
 from overcooked.score import DISH_REWARD
 from overcooked.vector_env import Starts
+from training.agent_config import AgentConfig, network_config
 from training.compute import Compute
-from training.config import AgentConfig, network_config
 from training.fast_path import choose_compute, fast_path
 from training.fused_ppo_loss import FusedLoss
 from training.imitation import imitate

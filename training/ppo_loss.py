@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from training.config import AgentConfig
+from training.agent_config import AgentConfig
 
 
 def ppo_loss(

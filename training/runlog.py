@@ -121,7 +121,7 @@ def open_run(path: Path) -> RunFolder:
     """Open an existing run folder, whatever its settings. Raises RunError."""
     known = path / "run.json"
     if not known.is_file():
-        raise RunError(f"{path}: there is no run here.")
+        raise RunError(f"{path}: there is no run here (no run.json). Give a folder that `kitchenmind train` wrote.")
     return RunFolder(path, json.loads(known.read_text(encoding="utf-8"))["settings"])
 
 

@@ -4,36 +4,19 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analysis.declared import DeclaredTest
     from analysis.power import PowerDesign
+    from analysis.study_plan import StudyPlan
 
 FOR_TWO = (
     "These are participants who are analysed. A round of two people counts for the one who is not watched, so recruit "
     "two people for each of them."
 )
-
-
-@dataclass(frozen=True)
-class StudyPlan:
-    """Episodes of a participant, planned participants, and the variance of reward if data are given."""
-
-    episodes: int
-    participants: int
-    person_sd: float | None = None
-    residual_sd: float | None = None
-    declared: "DeclaredTest | None" = None  # the primary test of the study file
-    primary_episodes: int = 0  # of a participant that the primary test uses
-    factors: dict[str, int] = field(default_factory=dict)  # how many levels each has
-    within: tuple[str, ...] = ()  # factors of which each participant meets all levels, in blocks
-    left_out: tuple[str, ...] = ()  # combinations of levels that the study does not have
-    answer_sds: tuple[float, float] | None = None  # between and within people, of the primary test's question
-    simulated: bool = False  # the variances come from simulated participants
-    for_two: bool = False  # rounds are played by two people, and count for one of them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -116,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _curve(design: "PowerDesign", plan: StudyPlan, participants: int, arguments: argparse.Namespace) -> Iterator[str]:
+def _curve(design: "PowerDesign", plan: "StudyPlan", participants: int, arguments: argparse.Namespace) -> Iterator[str]:
     """Write the curve for two conditions, labelled where any of its numbers is simulated; a sentence for every
     effect."""
     from analysis import figure_style, figures, power
@@ -132,7 +115,7 @@ def _curve(design: "PowerDesign", plan: StudyPlan, participants: int, arguments:
 
 
 def _primary_lines(
-    design: "PowerDesign", plan: StudyPlan, participants: int, arguments: argparse.Namespace
+    design: "PowerDesign", plan: "StudyPlan", participants: int, arguments: argparse.Namespace
 ) -> Iterator[str]:
     """Yield a sentence for every effect on the declared primary test."""
     from analysis import primary_power
@@ -159,7 +142,7 @@ def _primary_lines(
 
 
 def _factor_lines(
-    design: "PowerDesign", plan: StudyPlan, participants: int, arguments: argparse.Namespace
+    design: "PowerDesign", plan: "StudyPlan", participants: int, arguments: argparse.Namespace
 ) -> Iterator[str]:
     """Yield a sentence for each effect of the factors and each size."""
     from analysis import factorial_power
@@ -174,11 +157,12 @@ def _factor_lines(
 def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int]":
     """Return the design to simulate, the plan and the number of participants. Raises ValueError with a remedy."""
     from analysis.power import PowerDesign
+    from analysis.study_plan import plan_of_study_file
 
     if arguments.source.is_dir():
         plan = _from_export(arguments.source, arguments)
     else:
-        plan = _from_study(arguments.source)
+        plan = plan_of_study_file(arguments.source)
         if arguments.pilot is not None:
             pilot = _from_export(arguments.pilot, arguments, plan.declared)
             names = ("person_sd", "residual_sd", "answer_sds", "simulated")
@@ -216,77 +200,13 @@ def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, 
             raise ValueError(f"{name} is out of range. {remedy}")
 
 
-def _from_export(folder: Path, arguments: argparse.Namespace, declared: "DeclaredTest | None" = None) -> StudyPlan:
-    """Return how reward varied in a pilot, and answers if the primary test (`declared`, else its own) is about them."""
-    from analysis import measures, mixed_model, primary
-    from analysis.declared import declaration_of
+def _from_export(folder: Path, arguments: argparse.Namespace, declared: "DeclaredTest | None" = None) -> "StudyPlan":
+    """Return the plan of a pilot (its own primary test, if `declared` is None), and say if it has several versions."""
     from analysis.exclusions import versions_notice
-    from analysis.factorial import levels_in
-    from analysis.factorial_within import repeated_factors, within_of
-    from analysis.study import MEASURE, smallest_condition
+    from analysis.study_plan import plan_of_export
     from analysis.tables import read_export
-    from analysis.within_effects import with_levels
 
     export = read_export(folder, arguments.study, arguments.study_version)
     if notice := versions_notice(export):
         print(f"kitchenmind power: {notice}", file=sys.stderr)
-    episodes = measures.analysed(measures.episode_measures(export), export.participants)
-    model = mixed_model.fit(episodes, MEASURE, export.conditions)
-    variance = model.variance
-    if variance is None:
-        raise ValueError(f"{folder} does not show how reward varies: its mixed model {model.rows[0].note}.")
-    within = within_of(export)
-    factors = repeated_factors(export) if within else levels_in(export)
-    plan = StudyPlan(
-        round(episodes.height / episodes["participant"].n_unique()),
-        smallest_condition(episodes, export.conditions),
-        variance.person_sd,
-        variance.residual_sd,
-        declared or declaration_of(export).primary,
-        factors={name: len(levels) for name, levels in factors.items()},
-        within=within,
-        left_out=tuple(export.about.get("left_out") or ()),
-        simulated=export.is_simulated,
-        for_two=episodes["watched_person"].is_not_null().any(),
-    )
-    if plan.declared is None:
-        return plan
-    table, measure = primary.values_of_episodes(plan.declared, episodes, export.answers)
-    people = max(1, table["participant"].n_unique())
-    plan = replace(plan, primary_episodes=max(1, round(table.height / people)))
-    if measure == MEASURE:
-        return plan
-    spread = mixed_model.fit(with_levels(table, episodes), measure, export.conditions).variance
-    return replace(plan, answer_sds=(spread.person_sd, spread.residual_sd)) if spread else plan
-
-
-def _from_study(path: Path) -> StudyPlan:
-    """Episodes of a participant as a study file plans them."""
-    import yaml
-
-    from analysis.declared import declared_test
-
-    try:
-        study = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)  # noqa: S506 - texts only
-        repeat = int(study.get("order", {}).get("repeat", 1))
-        layouts, agents = len(study["layouts"]), len(study["agents"])
-        partners = [str(agent.get("human")).lower() for agent in study["agents"] if isinstance(agent, dict)]
-        for_two = bool({"true", "yes", "on"} & set(partners))
-        factors = {name: len(levels) for name, levels in (study.get("factors") or {}).items()}
-        cells = study.get("cells") or {}
-        left_out, within = (tuple(map(str, cells.get(key) or ())) for key in ("without", "within"))
-        repeat *= math.prod(factors[name] for name in within)  # each block has all rounds
-    except OSError as error:
-        raise ValueError(
-            f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."
-        ) from None
-    except (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise ValueError(f"{path} is not a study file: it needs `layouts` and `agents`.") from None
-    try:
-        declared = declared_test(study)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}. `kitchenmind study check {path}` names the line.") from None
-    used = (len(declared.layouts) or layouts) * (len(declared.agents) or agents) * repeat if declared else 0
-    return StudyPlan(
-        layouts * agents * repeat, 29, None, None, declared, used, factors, within, left_out, for_two=for_two
-    )
+    return plan_of_export(export, declared)

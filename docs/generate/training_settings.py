@@ -4,7 +4,7 @@ import json
 from typing import Any, Final
 
 from server.study.markdown_table import cell, code, plain_type
-from training.config import AgentConfig
+from training.agent_config import AgentConfig
 from training.pipeline.presets import StudyScale
 from training.predictor_config import IntentionSettings, NetworkSettings, TrainingConfig
 from training.settings import TrainingSettings

@@ -123,7 +123,10 @@ class StudyClient:
         fields = page.form(path)
         if fields is None:
             if path == self.consent_path:
-                raise ClientFailed("the consent page has no form")
+                raise ClientFailed(
+                    f"{path} has no consent form: the study may be closed, full or paused. Look at its page in "
+                    "a browser"
+                )
             raise ClientFailed(
                 "a page has neither form nor game nor code: the study has ended here, for example after a failed "
                 "attention check"

@@ -24,7 +24,9 @@ def loader_of(agent: GivenAgent) -> Callable[[Layout], LoadedAgent]:
     def load(layout: Layout) -> LoadedAgent:
         policy: Any = agent if is_ready else agent(layout)  # type: ignore[operator]
         if not callable(getattr(policy, "probabilities", None)):
-            raise TypeError(f"{name_of(agent)} has no method probabilities(observations).")
+            raise TypeError(
+                f"{name_of(agent)} has no method probabilities(observations). See docs/guides/bring_your_own_agent.md."
+            )
         return LoadedAgent(policy, mode_of(policy, name_of(agent)))
 
     return load

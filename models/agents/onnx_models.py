@@ -36,7 +36,7 @@ class _Model:
         self.inputs = {described.name: described for described in self._session.get_inputs()}
         if names is not None and set(self.inputs) != names:
             raise BlackBoxError(
-                f"{path} has the inputs {sorted(self.inputs)}; a predictor has observations and actions."
+                f"{path} has the inputs {sorted(self.inputs)}. Export a predictor with observations and actions."
             )
         sizes = {described.shape[0] for described in self.inputs.values() if described.shape}
         fixed = {size for size in sizes if isinstance(size, int)}
@@ -106,7 +106,7 @@ def _session(path: str) -> Any:
     try:
         return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     except Exception as error:
-        raise BlackBoxError(f"{path} is not an ONNX model that can run here ({error}).") from error
+        raise BlackBoxError(f"{path} is not an ONNX model that can run here ({error}). Export it again.") from error
 
 
 def _softmax_if_needed(given: NDArray[Any]) -> NDArray[np.float32]:
@@ -159,7 +159,7 @@ class OnnxAgent:
         self._model = _Model(path)
         inputs = list(self._model.inputs.values())
         if len(inputs) != 1:
-            raise BlackBoxError(f"{path} has {len(inputs)} inputs; an agent has one, the planes.")
+            raise BlackBoxError(f"{path} has {len(inputs)} inputs. Export an agent with one, the planes.")
         self._input = _PlaneInput(inputs[0], layout, 1, path)
 
     def probabilities(self, observations: Observations) -> Probabilities:

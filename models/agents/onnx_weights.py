@@ -43,7 +43,7 @@ def external_files(path: Path) -> list[str]:
     try:
         found = {location for location in _locations(memoryview(path.read_bytes()), "model", 0) if location}
     except (IndexError, ValueError) as error:
-        raise BlackBoxError(f"{path} is not an ONNX model that can run here ({error}).") from None
+        raise BlackBoxError(f"{path} is not an ONNX model that can run here ({error}). Export it again.") from None
     for name in found:
         if Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
             raise BlackBoxError(f"{path} keeps weights in {name!r}. They must be in the folder of the model.")

@@ -86,7 +86,10 @@ class OwnCheckpoints:
         target = self.root / KEPT / wanted
         found = self.find(kitchen, name, wanted)
         if found is None:
-            raise CheckpointError(f"{self.root / kitchen / name}: there is no checkpoint with the SHA-256 {wanted}.")
+            raise CheckpointError(
+                f"{self.root / kitchen / name}: there is no checkpoint with the SHA-256 {wanted}. Put it "
+                "back, or open the study again."
+            )
         if found.folder == target:
             return
         new = target.with_name(f".new-{os.getpid()}-{wanted}")

@@ -96,7 +96,9 @@ def _share(name: str, text: str) -> float:
     except ValueError:
         raise UnknownPredictor(f"{name}: after @ comes the wanted accuracy in percent, e.g. @60.") from None
     if not 1 / ACTIONS <= value <= 1:
-        raise UnknownPredictor(f"{name}: an accuracy between {100 / ACTIONS:.0f} and 100 is possible.")
+        raise UnknownPredictor(
+            f"{name}: this accuracy is not possible. Give a percentage from {100 / ACTIONS:.0f} to 100."
+        )
     return value
 
 
@@ -131,7 +133,7 @@ class DegradedPredictor:
         """`accuracy` as measured on unseen partners, `wanted` <= accuracy; both 0-1. Raises UnknownPredictor."""
         if wanted > accuracy:
             raise UnknownPredictor(
-                f"the predictor reaches {accuracy:.0%}; a degraded version cannot reach {wanted:.0%}."
+                f"the predictor reaches {accuracy:.0%}; a degraded version cannot reach {wanted:.0%}. Give a lower one."
             )
         self._predictor = predictor
         self.memory = int(getattr(predictor, "memory", 1))

@@ -14,9 +14,9 @@ Tensors = dict[str, NDArray[Any]]
 Bits = Literal[8, 16, 32]
 
 FACTOR: Final = ".factor_of_row"  # the end of the factors' name
-LARGEST: Final = 127
+MAX_CODE: Final = 127  # of the whole number that stands for a weight
 SMALL: Final = 4096  # a matrix with fewer weights has 16 bits
-_FACTOR_BITS: Final = 12  # significant bits of a factor: LARGEST times it is exact, so storing twice changes nothing
+_FACTOR_BITS: Final = 12  # significant bits of a factor: MAX_CODE times it is exact, so storing twice changes nothing
 
 
 def stored(tensors: Mapping[str, Any], bits: Bits) -> Tensors:
@@ -57,7 +57,7 @@ def bits_of(arrays: Mapping[str, NDArray[Any]]) -> Bits:
 
 def _rows(matrix: NDArray[np.float32]) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
     """Return the integers of each row and the row's factor (rows, 1), rounded up to few bits."""
-    fraction, exponent = np.frexp(np.abs(matrix).max(1, keepdims=True) / LARGEST)
+    fraction, exponent = np.frexp(np.abs(matrix).max(1, keepdims=True) / MAX_CODE)
     steps = np.float32(1 << _FACTOR_BITS)
     factors = np.ldexp(np.ceil(fraction * steps) / steps, exponent).astype(np.float32)
     factors[factors == 0] = 1

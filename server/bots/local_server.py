@@ -50,7 +50,10 @@ class OwnServer:
         deadline = time.monotonic() + START_TIMEOUT_S
         while not (found := re.search(r"http://127\.0\.0\.1:(\d+)", self.output)):
             if self._process.poll() is not None or time.monotonic() > deadline:
-                raise ServerFailed(self.output.strip() or "the server does not start")
+                raise ServerFailed(
+                    self.output.strip()
+                    or f"the server did not start within {START_TIMEOUT_S:g} s. Try again when the machine is less busy"
+                )
             time.sleep(0.05)
         self.url, self._port = found.group(0), int(found.group(1))
 

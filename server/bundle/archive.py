@@ -15,6 +15,7 @@ MANIFEST: Final = "manifest.json"
 MAX_BYTES: Final = 20_000_000  # of the file, and of all texts together
 MAX_FILES: Final = 200
 _NAME: Final = re.compile(r"[a-z0-9_]+(/[a-z0-9_]+)?(\.[a-z]+)?")
+_MAKE_ONE: Final = "Make one with `kitchenmind bundle STUDY`."
 _LONG_AGO: Final = (1980, 1, 1, 0, 0, 0)  # the same bytes whenever it is made
 
 
@@ -38,7 +39,7 @@ def packed(texts: Mapping[str, str], manifest: Mapping[str, Any]) -> bytes:
 def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the texts by name, checked against their hashes, and the manifest. Raises BundleRefused, OSError."""
     if path.stat().st_size > MAX_BYTES:
-        raise BundleRefused(f"{path} is too large for a bundle.")
+        raise BundleRefused(f"{path} is too large for a bundle. {_MAKE_ONE}")
     try:
         with zipfile.ZipFile(path) as archive:
             content = _content(archive)
@@ -50,7 +51,7 @@ def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         if isinstance(error, BundleRefused):
             raise
-        raise BundleRefused(f"{path} is not a bundle. Make one with `kitchenmind bundle STUDY`.") from None
+        raise BundleRefused(f"{path} is not a bundle. {_MAKE_ONE}") from None
     for name in sorted(hashes.keys() | texts.keys()):
         if name not in texts or hashes.get(name) != _sha256(texts[name].encode()):
             raise BundleRefused(f"{path}: {name} is not as it was bundled. Fetch the bundle again.")
@@ -60,17 +61,17 @@ def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
 def _content(archive: zipfile.ZipFile) -> dict[str, bytes]:
     entries = archive.infolist()
     if len(entries) > MAX_FILES or len({entry.filename for entry in entries}) != len(entries):
-        raise BundleRefused("this archive has too many files, or two of one name. It is not a bundle.")
+        raise BundleRefused(f"this archive has too many files, or two of one name. It is not a bundle. {_MAKE_ONE}")
     content: dict[str, bytes] = {}
     left = MAX_BYTES
     for entry in entries:
         if not _NAME.fullmatch(entry.filename):
-            raise BundleRefused(f"this archive has a file {entry.filename!r}. It is not a bundle.")
+            raise BundleRefused(f"this archive has a file {entry.filename!r}. It is not a bundle. {_MAKE_ONE}")
         with archive.open(entry) as file:
             content[entry.filename] = file.read(left + 1)  # the size in a header is not trusted
         left -= len(content[entry.filename])
         if left < 0:
-            raise BundleRefused("the contents of this archive are too large for a bundle.")
+            raise BundleRefused(f"the contents of this archive are too large for a bundle. {_MAKE_ONE}")
     return content
 
 

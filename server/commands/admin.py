@@ -152,7 +152,7 @@ def _password(name: str) -> tuple[str, bool]:
     if weak is not None:
         raise ValueError(f"not this password: {weak}. Leave it empty to generate one.")
     if getpass.getpass("Again: ") != typed:
-        raise ValueError("the two were not the same")
+        raise ValueError("the two passwords differ, so nothing was changed. Repeat the command.")
     return typed, False
 
 

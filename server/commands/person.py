@@ -62,7 +62,10 @@ def _find(connection: "Connection", arguments: argparse.Namespace) -> "Participa
     versions = studies.known_ids(connection, arguments.study)
     found = participants.find(connection, versions, arguments.who.strip())
     if found is None:
-        raise ValueError(f"{arguments.study} has no participant with the id or code {arguments.who!r}")
+        raise ValueError(
+            f"{arguments.study} has no participant with the id or code {arguments.who!r}. Look it up on the page of "
+            "the participant in the dashboard. The data of people who withdrew are deleted already."
+        )
     return found
 
 
@@ -87,7 +90,7 @@ def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> 
         if playing:
             raise ValueError(f"{playing[0]} is in a game now. Wait, or use the dashboard, which ends the game first")
         if not withdraw(connection, found.id, deletion):
-            raise ValueError("the participant is deleted already")
+            raise ValueError("the participant was deleted a moment ago, so nothing is left to delete")
 
 
 def _refuse(error: Exception, status: int) -> int:

@@ -43,7 +43,9 @@ def import_export(
     Raises ImportRefused for a folder that cannot be trusted or is damaged, OSError.
     """
     if not (folder / "codebook.json").is_file():
-        raise ImportRefused(f"{folder} is not an export: it has no codebook.json.")
+        raise ImportRefused(
+            f"{folder} is not an export: it has no codebook.json. Give a folder that `kitchenmind export` wrote."
+        )
     if connection.execute(select(func.count()).select_from(tables.studies)).scalar_one():
         raise ImportRefused("the database is not empty. Import into a new one.")
     check_files(folder)

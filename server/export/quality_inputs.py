@@ -8,7 +8,7 @@ from sqlalchemy import Connection, Label, or_, select
 from server.export import codebook, tick_rows
 from server.export.rows import attention_counts, value_text
 from server.export.writer import schema
-from server.store import displays
+from server.store import wrong_displays
 from server.store.tables import answers, episodes, participants, pauses, studies
 
 OVER = ("done", "aborted")
@@ -46,10 +46,10 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFr
     people = {person for row in connection.execute(seats) for person in row} - {None}
     theirs = or_(_e.id.in_(chosen), _e.participant_0.in_(people), _e.participant_1.in_(people))
     own = [_e[name] for name in _OF_EPISODES]
-    broken = displays.violations(connection, chosen)
+    broken = wrong_displays.violations(connection, chosen)
     found = connection.execute(select(_e.id.label("episode"), *own).where(theirs)).mappings().all()
     played = [
-        dict(row) | {"display_violations": broken.get(row["episode"], displays.NO_VIOLATIONS).timesteps}
+        dict(row) | {"display_violations": broken.get(row["episode"], wrong_displays.NO_VIOLATIONS).timesteps}
         for row in found
     ]
     of_people = select(_p.id.label("participant"), studies.c.key.label("study"), _p.condition, _p.status, _failed())

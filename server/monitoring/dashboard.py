@@ -11,15 +11,15 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from server.monitoring.arms import arm_names
+from server.monitoring.arm_names import arm_names
 from server.monitoring.data_quality import DataQuality
 from server.monitoring.enrolment_flow import GONE, arms_of, flow_of, stock
 from server.monitoring.live_games import LiveGames
 from server.participation.served_studies import Studies
 from server.store import decisions, overview, participants, study_openings
 from server.store.accuracy import RunningAccuracy, wilson
-from server.store.displays import DisplayCount
 from server.store.overview import Person
+from server.store.wrong_displays import DisplayCount
 from server.study.definition import Study
 from server.study.steps import StudyStep, steps
 

@@ -6,24 +6,24 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from server.monitoring.site import Site
-from server.store import new_places, participants
+from server.monitoring.interfaces import MonitoredServer
+from server.store import enrolment_limits, participants
 
 WINDOW: Final = timedelta(hours=1)
 FEWEST: Final = 5  # inactive people; fewer are not a sign
 SHARE: Final = 0.5  # of those who consented in the window
 
 
-async def signs(web: Site, study: str, versions: Sequence[int], leads: bool) -> dict[str, str]:
+async def signs(web: MonitoredServer, study: str, versions: Sequence[int], leads: bool) -> dict[str, str]:
     """Return the texts of alerts by their keys. `leads`: this process reports what all of them see in the database.
     Raises DatabaseDown.
     """
     found: dict[str, str] = {}
     if not leads:
         return found
-    turned_away = await web.database.read(new_places.turned_away, study, datetime.now(UTC))
+    turned_away = await web.database.read(enrolment_limits.turned_away, study, datetime.now(UTC))
     if turned_away:
-        limit = web.places.an_hour
+        limit = web.enrolment_limits.an_hour
         found[f"places {study}"] = (
             f"{study}: one address asked for more than {limit} new places in an hour; {turned_away} were refused. "
             "For a lab or a class behind one address, raise KITCHENMIND_NEW_PER_ADDRESS. If they do not sit together, "

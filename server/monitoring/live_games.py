@@ -9,9 +9,9 @@ from typing import Any, Final
 
 import msgspec
 
+from server.monitoring.interfaces import MonitoredServer, OpenSockets
 from server.monitoring.needs_attention import Attention, Flag
 from server.monitoring.peers import Peers, SingleProcess, View
-from server.monitoring.site import OpenSockets, Site
 from server.play.game import Game
 from server.play.games import Games
 from server.play.intentions import hidden
@@ -37,7 +37,7 @@ class Card:
 class LiveGames:
     """Reads the running games for all open dashboards; made once in server.main."""
 
-    def __init__(self, web: Site, games: Games, sockets: OpenSockets, peers: Peers | None = None) -> None:
+    def __init__(self, web: MonitoredServer, games: Games, sockets: OpenSockets, peers: Peers | None = None) -> None:
         self.web, self.games, self.sockets = web, games, sockets
         self.peers = peers or SingleProcess()
         self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while a dashboard is open

@@ -47,7 +47,7 @@ async def opened(data: bytes, name: str) -> bytes:
             process.wait()
     if process.returncode:
         message = words.decode(errors="replace").strip()[-_MAX_MESSAGE:]
-        raise UnreadableGamesError(message or f"{name}: it cannot be read")
+        raise UnreadableGamesError(message or f"{name}: it cannot be read. Open a file with recorded games.")
     return records
 
 

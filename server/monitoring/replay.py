@@ -25,7 +25,9 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
     """Return the record as JSON. Raises BrokenEpisode, LayoutError."""
     loaded = episodes.load(connection, episode)
     if loaded is None:
-        raise BrokenEpisode(f"there is no episode {episode}")
+        raise BrokenEpisode(
+            f"There is no episode {episode}. Its participant may have withdrawn: open it from the list of games."
+        )
     stored = ticks.of_episode(connection, episode)
     rows, difference = simulate(loaded, stored, blind)
     spec, held = loaded.spec, episodes.pauses_of(connection, episode)

@@ -12,9 +12,9 @@ from sqlalchemy import Connection
 from server.participation import pairing, places
 from server.participation.next_step import move_on, note
 from server.participation.served_studies import Studies
-from server.store import answers, decisions, episodes, events, new_places, participants, studies, study_openings
+from server.store import answers, decisions, enrolment_limits, episodes, events, participants, studies, study_openings
+from server.store.enrolment_limits import EnrolmentLimit
 from server.store.events import ATTENTION_SCREENED_OUT
-from server.store.new_places import PlaceBudget
 from server.store.participants import NewParticipant, Participant
 from server.store.unpaired import unpaired
 from server.study.assignment import StudyFullError, next_condition, participant_seed
@@ -142,13 +142,14 @@ def _unpaired(connection: Connection, study_id: int, study: Study, simulated: bo
 
 
 def enrol_within(
-    connection: Connection, all_studies: Studies, arrival: ConsentArrival, budgets: Sequence[PlaceBudget]
+    connection: Connection, all_studies: Studies, arrival: ConsentArrival, limits: Sequence[EnrolmentLimit]
 ) -> None:
-    """Do the same as `enrol`, but a new participant takes one of the address's places. Also raises NoPlaceLeft."""
+    """Do the same as `enrol`, but a new participant counts against the limits of the address. Also raises
+    EnrolmentLimitReached."""
     now = datetime.now(UTC)
     if already_here(connection, all_studies, arrival) is None:
-        new_places.check(connection, budgets, now)
-        new_places.take(connection, budgets, now)
+        enrolment_limits.check(connection, limits, now)
+        enrolment_limits.take(connection, limits, now)
     enrol(connection, all_studies, arrival)
 
 

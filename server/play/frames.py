@@ -6,11 +6,11 @@ from overcooked.constants import STAY
 from server.play import intentions, marks, messages
 from server.play.episode_spec import EpisodeSpec
 from server.play.keys import Keys
+from server.play.limited_sight import Sight
 from server.play.marks_key import MarksKey
 from server.play.misleading import wrong_future
-from server.play.partner import Answers
+from server.play.model_questions import Answers
 from server.play.recorder import EpisodeRecord
-from server.play.sight import Sight
 from server.play.simulation import Simulation
 
 

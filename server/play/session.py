@@ -10,7 +10,7 @@ from models.protocols import Decision, Question
 from overcooked.constants import STAY
 from overcooked.layout import parse_layout
 from overcooked.score import progress_credit
-from server.play import messages, partner
+from server.play import messages, model_questions
 from server.play.frames import Frames, marks_key
 from server.play.keys import InputArrival, Keys
 from server.play.pause_reasons import NOT_STARTED, Holder, PauseReasons
@@ -172,7 +172,7 @@ class Session:
     def begin_start(self) -> list[Question]:
         """Return the questions about the start state; `finish_tick` makes its record."""
         self.frames.ask(self.keys)
-        self._asked = partner.questions(self.episode, self.spec, self.simulation)
+        self._asked = model_questions.questions(self.episode, self.spec, self.simulation)
         return self._asked
 
     def begin_tick(self, now: float) -> list[Question]:
@@ -193,7 +193,7 @@ class Session:
         self.frames.watch()
         if self.tutor is not None:
             self.tutor.watch(self.simulation, self._step)
-        self._asked = [] if self.over else partner.questions(self.episode, self.spec, self.simulation)
+        self._asked = [] if self.over else model_questions.questions(self.episode, self.spec, self.simulation)
         return self._asked
 
     def _joint_action(self) -> tuple[int, int]:
@@ -219,7 +219,7 @@ class Session:
         one that did not come by the deadline. `models_ms`: how long this game and others waited. `grace_ms`: how much
         longer than in a study the models may take, where no person waits. `unix_ms`: the wall clock."""
         models_late = models_ms > self.spec.deadline_ms + grace_ms  # perhaps only those of another game
-        answers = partner.answers(self._asked, decisions)
+        answers = model_questions.answers(self._asked, decisions)
         self.next_actions, self.late = answers.next_actions, answers.late
         self.frames.decide(answers, self.over, models_late)
         timestep, step = self.simulation.timestep, self._step

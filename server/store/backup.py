@@ -41,4 +41,4 @@ def copy_to(url: URL, path: Path) -> None:
     except sqlite3.Error as error:
         raise DatabaseDown(str(error)) from error
     except OSError as error:
-        raise DatabaseDown(f"cannot write {path}: {error.strerror}") from error
+        raise DatabaseDown(f"cannot write {path}: {error.strerror}. Give a folder with room for the copy.") from error

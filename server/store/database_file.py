@@ -16,6 +16,7 @@ from server.store.database_errors import DatabaseDown, DatabaseInUse
 # The file format says at this offset how a database is read: 2 with a log (every database that a server has opened), 1
 # without one (what `VACUUM INTO` and so `kitchenmind backup` writes). https://sqlite.org/fileformat.html
 _READ_VERSION: Final = 19
+_WRITABLE: Final = "Give a database in a folder with free space, in which the server may write."
 _WITHOUT_LOG: Final = b"\x01"
 
 
@@ -49,7 +50,7 @@ def locked(path: Path) -> IO[str]:
         if not was_there:
             with suppress(OSError):
                 lock.unlink()  # no trace of an address that does not work
-        raise DatabaseDown(f"cannot open {error.filename or lock}: {error.strerror}") from error
+        raise DatabaseDown(f"cannot open {error.filename or lock}: {error.strerror}. {_WRITABLE}") from error
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -71,7 +72,7 @@ def _sign(file: IO[str]) -> None:
     except OSError as error:  # a full disk
         path = file.name
         file.close()
-        raise DatabaseDown(f"cannot write {path}: {error.strerror}") from error
+        raise DatabaseDown(f"cannot write {path}: {error.strerror}. {_WRITABLE}") from error
 
 
 def check_log(path: Path) -> None:

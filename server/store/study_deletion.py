@@ -18,7 +18,7 @@ from server.store import (
     audit,
     decisions,
     engines,
-    new_places,
+    enrolment_limits,
     overview,
     studies,
     study_openings,
@@ -114,7 +114,7 @@ def finish(connection: Connection, study: str) -> None:
     for table in OF_STUDIES:
         connection.execute(delete(table).where(table.c.study_id.in_(versions)))
     _forget_reports(connection, study)
-    new_places.forget_turned_away(connection, study)
+    enrolment_limits.forget_turned_away(connection, study)
     engines.overwrite_deleted(connection)
 
 

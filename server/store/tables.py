@@ -1,7 +1,7 @@
 """The tables, in SQLAlchemy Core. docs/reference/data_dictionary.md is printed from every column's meaning and unit.
 
 Here is the table of episodes. tick_tables.py, people_tables.py, answer_tables.py, researcher_tables.py and
-studio_tables.py have the others, which are imported from here too.
+authoring_tables.py have the others, which are imported from here too.
 What fills them: participants.py, episodes.py, answers.py, events.py, audit.py.
 """
 
@@ -21,6 +21,7 @@ from sqlalchemy import (
 )
 
 from server.store.answer_tables import answers, events, visits
+from server.store.authoring_tables import kitchens, study_draft_versions, study_drafts, study_openings, study_reports
 from server.store.columns import column, time
 from server.store.people_tables import arrivals, participants, personal, studies, tombstones, withdrawals
 from server.store.researcher_tables import (
@@ -33,7 +34,6 @@ from server.store.researcher_tables import (
     heartbeat,
     study_pauses,
 )
-from server.store.studio_tables import kitchens, study_draft_versions, study_drafts, study_openings, study_reports
 from server.store.table_base import (
     EPISODE_STATUSES,
     ID,

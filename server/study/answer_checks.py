@@ -4,7 +4,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from server.study.numbers import read_number
 from server.study.questionnaire import (
     AnyQuestion,
     ChoiceQuestion,
@@ -15,6 +14,7 @@ from server.study.questionnaire import (
     TextQuestion,
     Value,
 )
+from server.study.read_number import read_number
 
 Answers = dict[str, Value]
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # they cannot be typed, and PostgreSQL refuses some

@@ -19,7 +19,7 @@ from server.study.own_languages import LanguageError, use_languages_next_to
 from server.study.plan_checks import plan_problems
 from server.study.quick_fixes import QuickFix
 from server.study.recruitment_checks import recruitment_problems
-from server.study.validation_messages import mistakes
+from server.study.validation_messages import problems_of
 
 MAX_BYTES = 1_000_000
 MAX_NODES = 50_000
@@ -147,7 +147,7 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     try:
         study = Study.model_validate(data)
     except ValidationError as error:
-        found = sorted(mistakes(error, places.nearest), key=lambda one: places.line(one.path))
+        found = sorted(problems_of(error, places.nearest), key=lambda one: places.line(one.path))
         raise places.error(found) from None
     of_parts = (
         *problems(study),

@@ -1,4 +1,4 @@
-"""The platform's texts, one file per language in `locales/`. Another language is one more file, there or in the folder
+"""The platform's words, one file per language in `locales/`. Another language is one more file, there or in the folder
 `locales` next to a study (see own_languages.py).
 """
 

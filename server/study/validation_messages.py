@@ -42,7 +42,7 @@ _PATTERNS = {
 _MAX_INPUT_LENGTH = 40
 
 
-def mistakes(error: ValidationError, nearest: Callable[[Path], Path]) -> Iterator[Problem]:
+def problems_of(error: ValidationError, nearest: Callable[[Path], Path]) -> Iterator[Problem]:
     """Return all problems, each once. `nearest` gives the part of a path that the file has."""
     found = error.errors(include_url=False)
     for one in found:

@@ -13,7 +13,7 @@ from server.study import yaml_values
 from server.study.loader import StudyComposer, StudyError, compose, values_of
 from server.study.yaml_places import entry, is_alias, line_end, line_start, segments, value_end
 from server.study.yaml_values import Change, Path, as_read
-from server.study.yaml_words import block, inline, scalar
+from server.study.yaml_writer import block, inline, scalar
 
 
 class YamlEditError(ValueError):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from server.study.yaml_words import scalar
+from server.study.yaml_writer import scalar
 
 Path = Sequence[str | int]
 Change = Callable[[Any], Any]

@@ -26,7 +26,7 @@ from server.web.compiled_templates import compiled_templates
 from server.web.forms import Form, FormExpired, first, read_form
 from server.web.markdown import MARKDOWN
 from server.web.participant.step_json import step_page, wants_json
-from server.web.rate_limits import NewPlaces
+from server.web.rate_limits import EnrolmentLimits
 from server.web.security_headers import policy
 from server.web.services import services_of
 
@@ -41,7 +41,7 @@ class Web:
     studies: Studies
     csrf: CsrfProtection
     templates: jinja2.Environment
-    places: NewPlaces = field(default_factory=NewPlaces)
+    enrolment_limits: EnrolmentLimits = field(default_factory=EnrolmentLimits)
     production: bool = False
 
 
@@ -167,7 +167,7 @@ def open_study(name: str, web: WebDep) -> OpenStudy:
     """Return the study at this address. Answers 404 if there is none."""
     found = web.studies.open(name)
     if found is None:
-        raise HTTPException(404, f"there is no study {name!r} here")
+        raise HTTPException(404, f"There is no study {name!r}. Use the link from your invitation.")
     return OpenStudy(*found)
 
 
@@ -191,7 +191,7 @@ def known_study(name: str, web: WebDep) -> KnownStudy:
     versions = web.studies.versions(name)
     study = web.studies.version(versions[0]) if versions else None
     if study is None:
-        raise HTTPException(404, f"there is no study {name!r} here")
+        raise HTTPException(404, f"There is no study {name!r}. Use the link from your invitation.")
     return KnownStudy(study, False)
 
 

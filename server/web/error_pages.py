@@ -28,18 +28,25 @@ def install_error_pages(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def not_understood(request: Request, _error: RequestValidationError) -> Response:
-        return error_page(request, 400, "invalid request")
+        return error_page(request, 400, "The address or the form is not valid. Reload the page.")
 
     @app.exception_handler(DatabaseDown)
     async def no_database(request: Request, _error: DatabaseDown) -> Response:
-        return error_page(request, 503, "the database cannot be reached", {"Retry-After": "5"})
+        return error_page(
+            request, 503, "The database cannot be reached. Try again in a few seconds.", {"Retry-After": "5"}
+        )
 
     @app.exception_handler(Exception)
     async def broken(request: Request, error: Exception) -> Response:
         log.error("the page %s failed", request.url.path, exc_info=error)
         # The framework makes this answer outside of all middleware.
         headers = security_headers(request.headers.get("host", ""), web_of(request).csrf.secure)
-        return error_page(request, 500, "something went wrong on our side", headers)
+        return error_page(
+            request,
+            500,
+            "Something went wrong on our side. Try again; if it happens again, tell the person who runs the server.",
+            headers,
+        )
 
 
 def error_page(request: Request, status: int, reason: str, headers: Mapping[str, str] | None = None) -> Response:

@@ -59,7 +59,7 @@ async def read_form(
     for name, values in found.items() if not controls else ():
         if any(CONTROL.search(value) for value in values):
             raise HTTPException(
-                400, f"the field {name!r} contains a control character. Delete it and send the form again."
+                400, f"The field {name!r} contains a control character. Delete it and send the form again."
             )
     return found
 
@@ -72,7 +72,7 @@ def _form_fields(body: bytes) -> dict[str, list[str]]:
     try:
         return parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MAX_FIELDS, errors="strict")
     except ValueError:  # also UnicodeDecodeError
-        raise HTTPException(400, "The form body is not valid UTF-8.") from None
+        raise HTTPException(400, "The form body is not valid UTF-8. Reload the page and send the form again.") from None
 
 
 def _json_fields(body: bytes) -> dict[str, list[str]]:
@@ -81,9 +81,11 @@ def _json_fields(body: bytes) -> dict[str, list[str]]:
     try:
         given = msgspec.json.decode(body)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        raise HTTPException(400, "the body is not JSON in UTF-8") from None
+        raise HTTPException(
+            400, "The body is not JSON in UTF-8. Send one object with the fields of the form."
+        ) from None
     if not isinstance(given, dict):
-        raise HTTPException(400, "the body must be one JSON object with the fields of the form")
+        raise HTTPException(400, "The body is not a JSON object. Send one object with the fields of the form.")
     fields: dict[str, list[str]] = {}
     for name, value in given.items():
         inner = {f"{name}.{key}": one for key, one in value.items()} if isinstance(value, dict) else {name: value}
@@ -93,7 +95,7 @@ def _json_fields(body: bytes) -> dict[str, list[str]]:
             if texts:
                 fields[key] = texts
     if sum(map(len, fields.values())) > MAX_FIELDS:
-        raise HTTPException(400, f"a form has at most {MAX_FIELDS} fields")
+        raise HTTPException(400, f"The body has more than {MAX_FIELDS} fields. Send only those of the form.")
     return fields
 
 
@@ -103,7 +105,7 @@ def _text(name: str, value: object) -> str:
     if isinstance(value, float):
         return str(int(value)) if value.is_integer() else repr(value)
     if not isinstance(value, str | int):
-        raise HTTPException(400, f"the field {name!r} is neither text nor a number")
+        raise HTTPException(400, f"The field {name!r} is neither text, a number nor true. Send one of these.")
     return str(value)
 
 
@@ -116,13 +118,13 @@ async def body_of(request: Request, largest: int, what: str = "form") -> bytes:
             async for chunk in request.stream():
                 body += chunk
                 if len(body) > largest:
-                    raise HTTPException(413, f"a {what} has at most {largest} bytes")
+                    raise HTTPException(413, f"This {what} is too large. Send at most {largest:,} bytes.")
     except TimeoutError:
         raise HTTPException(
-            408, f"a {what} has to arrive within {FORM_TIMEOUT_S:g} s", {"Connection": "close"}
+            408, f"This {what} did not arrive within {FORM_TIMEOUT_S:g} s. Send it again.", {"Connection": "close"}
         ) from None
     except ClientDisconnect:
-        raise HTTPException(400, f"the {what} did not arrive as a whole. Send it again.") from None
+        raise HTTPException(400, f"This {what} did not arrive as a whole. Send it again.") from None
     return bytes(body)
 
 

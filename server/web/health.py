@@ -144,10 +144,12 @@ def _let_in(request: Request, settings: Settings) -> None:
         given = request.headers.get("authorization", "").encode()
         if not hmac.compare_digest(given, b"Bearer " + settings.metrics_token.get_secret_value().encode()):
             raise HTTPException(
-                401, "the metrics need the token of KITCHENMIND_METRICS_TOKEN", {"WWW-Authenticate": "Bearer"}
+                401,
+                "The metrics need a token. Send the header `Authorization: Bearer` with KITCHENMIND_METRICS_TOKEN.",
+                {"WWW-Authenticate": "Bearer"},
             )
     elif settings.mode == "production":
-        raise HTTPException(404, "metrics are off: KITCHENMIND_METRICS_TOKEN is not set")
+        raise HTTPException(404, "The metrics are off. Set KITCHENMIND_METRICS_TOKEN to turn them on.")
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
 from server.play.token_bucket import TokenBucket
-from server.store.new_places import PlaceBudget
+from server.store.enrolment_limits import EnrolmentLimit
 from server.web.auth import token_of
 from server.web.client_address import HERE, address_of, site_of
 from server.web.services import services_of
@@ -46,7 +46,7 @@ class Rates:
         return bucket.spend(now)
 
 
-class NewPlaces:
+class EnrolmentLimits:
     """How many new participants an address may bring. `an_hour` 0: any number.
 
     `secret`: the database knows networks by their hashes only. `counts_local`: whether this machine counts as an
@@ -57,14 +57,14 @@ class NewPlaces:
         self.an_hour = an_hour
         self._secret, self._counts_local = secret, counts_local
 
-    def budgets_of(self, address: str) -> list[PlaceBudget]:
-        """Return the budgets that a new participant from this address uses; empty if there is no limit."""
+    def limits_of(self, address: str) -> list[EnrolmentLimit]:
+        """Return the limits that a new participant from this address uses; empty if there is no limit."""
         if not self.an_hour or (address in HERE and not self._counts_local):
             return []
-        budgets, site = [PlaceBudget(self._hashed(address), self.an_hour)], site_of(address)
+        limits, site = [EnrolmentLimit(self._hashed(address), self.an_hour)], site_of(address)
         if site is not None:
-            budgets.append(PlaceBudget(self._hashed(site), _LARGE_SITE * self.an_hour))
-        return budgets
+            limits.append(EnrolmentLimit(self._hashed(site), _LARGE_SITE * self.an_hour))
+        return limits
 
     def _hashed(self, network: str) -> str:
         return hmac.new(self._secret, f"network\n{network}".encode(), hashlib.sha256).hexdigest()
@@ -81,4 +81,4 @@ async def rate_limit(connection: HTTPConnection) -> None:
         who = hashlib.sha256(token.encode()).hexdigest()
         allowed = rates.spend(who, PER_S, BURST) and allowed
     if not allowed:
-        raise HTTPException(429, "too many requests. Wait a little", {"Retry-After": "5"})
+        raise HTTPException(429, "Too many requests. Wait a few seconds and try again.", {"Retry-After": "5"})

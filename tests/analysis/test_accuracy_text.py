@@ -10,7 +10,7 @@ import pytest
 from analysis import accuracy, accuracy_text, apa_text
 from analysis.report import write_analysed
 from analysis.results import Result, select
-from analysis.simulated import PEOPLE
+from analysis.simulated_participants import PEOPLE
 from analysis.study import Analysis, Options, analyse
 from analysis.tables import Export
 

@@ -1,6 +1,5 @@
 """Factors within people: the numbers of statsmodels, power, and what the report says."""
 
-import argparse
 import math
 from itertools import product
 from pathlib import Path
@@ -13,13 +12,13 @@ from statsmodels.formula.api import mixedlm, ols
 
 import kitchenmind
 from analysis import factorial_power, factorial_within, measures, mixed_model, primary
-from analysis.commands.power import _from_export
 from analysis.declared import DeclaredTest
 from analysis.factorial_within import RepeatedCells
 from analysis.power import PowerDesign
 from analysis.report import write_report
 from analysis.results import Result, select
 from analysis.study import Options
+from analysis.study_plan import plan_of_export
 from analysis.synthetic import Truth, write_export
 from analysis.tables import read_export
 from tests.support.declaring import declaring
@@ -167,9 +166,8 @@ def blocks(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_power_of_a_pilot_in_blocks_uses_the_variance_of_the_test_within_people(blocks: Path) -> None:
     """The effects of the levels and the blocks are large and are not variance."""
-    arguments = argparse.Namespace(study=None, study_version=None)
-    plan = _from_export(blocks, arguments)
     export = read_export(blocks)
+    plan = plan_of_export(export)
     episodes = measures.analysed(measures.episode_measures(export), export.participants).to_pandas()
     keys = ["reward", "participant", "condition", "factor_prediction", "layout", "agent"]
     table = episodes[keys].astype({"condition": str})

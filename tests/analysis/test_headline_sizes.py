@@ -9,7 +9,7 @@ from scipy import stats
 
 from analysis.formatting import layout_title
 from analysis.results import select
-from tests.support.simulation import LAYOUTS, Said, World, said_about
+from tests.support.simulation import LAYOUTS, ReportText, World, report_text
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 STUDIES = 500
@@ -19,16 +19,16 @@ FEWEST = int(stats.binom.ppf(0.0005, STUDIES, 0.05))
 
 
 @pytest.fixture(scope="module")
-def null_studies() -> list[Said]:
+def null_studies() -> list[ReportText]:
     """The report's sentences about studies without effects, in which people differ."""
-    return [said_about(NULL, seed) for seed in range(STUDIES)]
+    return [report_text(NULL, seed) for seed in range(STUDIES)]
 
 
-def sentence(said: Said, start: str) -> str:
+def sentence(said: ReportText, start: str) -> str:
     return next(text for text in said.sentences if text.startswith(start))
 
 
-def pairwise(said: Said) -> str:
+def pairwise(said: ReportText) -> str:
     return next(text for text in said.sentences if "t-tests over people, " in text and "reward" in text)
 
 
@@ -46,7 +46,9 @@ CLAIMS = {  # a claim that something differs, and whether its test has exactly t
 
 
 @pytest.mark.parametrize("claim", CLAIMS)
-def test_nothing_is_claimed_more_often_than_alpha_where_nothing_differs(claim: str, null_studies: list[Said]) -> None:
+def test_nothing_is_claimed_more_often_than_alpha_where_nothing_differs(
+    claim: str, null_studies: list[ReportText]
+) -> None:
     """Benjamini-Hochberg over tests that are alike (a person's own level is in all of them) stays below alpha."""
     holds, exact = CLAIMS[claim]
     alarms = sum(holds(said) for said in null_studies)
@@ -54,7 +56,7 @@ def test_nothing_is_claimed_more_often_than_alpha_where_nothing_differs(claim: s
     assert (FEWEST if exact else 1) <= alarms <= MOST
 
 
-def test_the_published_tests_would_have_claimed_more_often(null_studies: list[Said]) -> None:
+def test_the_published_tests_would_have_claimed_more_often(null_studies: list[ReportText]) -> None:
     """The simulated people differ enough for the tests over people to matter."""
     for section, test in (("reward", "kruskal_wallis"), ("questionnaire", "t_test")):
         alarms = sum(
@@ -63,7 +65,7 @@ def test_the_published_tests_would_have_claimed_more_often(null_studies: list[Sa
         assert alarms > 0.15 * STUDIES, test
 
 
-def test_intervals_of_answers_cover_the_truth_as_often_as_their_level(null_studies: list[Said]) -> None:
+def test_intervals_of_answers_cover_the_truth_as_often_as_their_level(null_studies: list[ReportText]) -> None:
     rows = [row for said in null_studies for row in select(said.rows, section="questionnaire", test="mean")]
     truth = np.mean([row.estimate for row in rows])
     assert np.mean([row.estimate_low <= truth <= row.estimate_high for row in rows]) == pytest.approx(0.95, abs=0.015)
@@ -80,7 +82,7 @@ WORLDS = (
 )
 
 
-def false_directions(said: Said, world: World) -> Iterator[str]:
+def false_directions(said: ReportText, world: World) -> Iterator[str]:
     """Sentences about ToM against none with the wrong direction."""
     text = pairwise(said)
     up = re.search(r"raised the reward (.*?)(?: and lowered|, compared)", text)
@@ -107,7 +109,7 @@ def test_no_direction_is_false_in_five_hundred_studies() -> None:
     lowered, depended = 0, 0
     for seed in range(STUDIES):
         world = WORLDS[seed % len(WORLDS)]
-        said = said_about(world, 10_000 + seed)
+        said = report_text(world, 10_000 + seed)
         wrong += false_directions(said, world)
         lowered += seed % len(WORLDS) == 0 and "lowered the reward with" in pairwise(said)
         depended += seed % len(WORLDS) == 2 and "depended on the layout" in sentence(said, "In a mixed")

@@ -26,7 +26,7 @@ from analysis.power import (
     sizes_for,
     t_test_p,
 )
-from analysis.simulated import LABEL
+from analysis.simulated_participants import LABEL
 from analysis.synthetic import Truth, write_export
 
 DESIGN = PowerDesign(person_sd=8, residual_sd=14)

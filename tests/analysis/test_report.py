@@ -13,7 +13,8 @@ import pytest
 import kitchenmind
 from analysis import apa_text, formatting
 from analysis.groups import main_contrast
-from analysis.report import Report, fingerprint, write_report
+from analysis.provenance import fingerprint
+from analysis.report import Report, write_report
 from analysis.results import COLUMNS, Result, select
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export

@@ -13,29 +13,29 @@ from analysis.report import write_report
 from analysis.results import Result, select
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
-from tests.support.simulation import AGENTS, LAYOUTS, Said, World, episodes_of, said_about, said_of
+from tests.support.simulation import AGENTS, LAYOUTS, ReportText, World, episodes_of, report_text, report_text_of
 
 LOW = World(effect=(-30.0,) * 5, answers=-1.5, person_sd=8.0)
 
 
 @pytest.fixture(scope="module")
-def low() -> Said:
+def low() -> ReportText:
     """ToM predictions harm: 30 points, and 1.5 points of the scale."""
-    return said_about(LOW, 1)
+    return report_text(LOW, 1)
 
 
 @pytest.fixture(scope="module")
-def nothing() -> Said:
-    return said_about(World(person_sd=30.0), 4)
+def nothing() -> ReportText:
+    return report_text(World(person_sd=30.0), 4)
 
 
-def one(said: Said, part: str) -> str:
+def one(said: ReportText, part: str) -> str:
     found = [text for text in said.sentences if part in text]
     assert len(found) == 1, found
     return found[0]
 
 
-def test_a_fall_is_called_a_fall_with_its_layouts(low: Said) -> None:
+def test_a_fall_is_called_a_fall_with_its_layouts(low: ReportText) -> None:
     text = one(low, "After Benjamini")
     assert "ToM predictions lowered the reward with SP on Coordination Ring, " in text
     assert "compared with no prediction" in text
@@ -45,7 +45,7 @@ def test_a_fall_is_called_a_fall_with_its_layouts(low: Said) -> None:
     assert re.search(r"was \d+\.\d points lower with ToM predictions than with no prediction", one(low, "mixed model"))
 
 
-def test_a_difference_that_may_be_chance_has_no_direction(nothing: Said) -> None:
+def test_a_difference_that_may_be_chance_has_no_direction(nothing: ReportText) -> None:
     text = one(nothing, "mixed model")
     row = select(nothing.rows, test="fixed_effect", contrast="tom - none")[0]
     assert row.p > 0.05
@@ -62,7 +62,7 @@ def test_a_difference_that_may_be_chance_has_no_direction(nothing: Said) -> None
 def test_headlines_use_tests_over_people_also_where_the_published_test_has_a_false_alarm() -> None:
     """Of studies without any difference, one in which the published test finds one and the permutation does not."""
     for seed in range(100):
-        said = said_about(World(person_sd=30.0), 500 + seed)
+        said = report_text(World(person_sd=30.0), 500 + seed)
         published = select(said.rows, section="reward", test="kruskal_wallis")
         people = select(said.rows, section="reward", test="kruskal_wallis_people")
         if any(row.p < 0.05 for row in published) and not any(row.p_adjusted < 0.05 for row in people):
@@ -78,7 +78,7 @@ def test_headlines_use_tests_over_people_also_where_the_published_test_has_a_fal
 
 
 def test_a_difference_that_turns_with_the_layout_is_said_to_depend_on_it() -> None:
-    said = said_about(World(effect=(40.0, 40.0, 0.0, -40.0, -40.0)), 3)
+    said = report_text(World(effect=(40.0, 40.0, 0.0, -40.0, -40.0)), 3)
     assert "The difference depends on the layout." in said.findings[1]
     assert "The difference depended on the layout (<i>p</i> = " in one(said, "mixed model")
     text = one(said, "After Benjamini")
@@ -93,12 +93,12 @@ def test_a_difference_that_turns_with_the_agent_is_said_to_depend_on_it() -> Non
     episodes, answers = episodes_of(World(), 5)
     turned = pl.when(pl.col("agent") == "sp").then(25.0).otherwise(-25.0)
     tom = pl.when(pl.col("condition") == "tom").then(turned).otherwise(0.0)
-    said = said_of(episodes.with_columns(reward=pl.col("reward") + tom), answers)
+    said = report_text_of(episodes.with_columns(reward=pl.col("reward") + tom), answers)
     assert "and depended on the agent (<i>p</i> = .0" in one(said, "mixed model")
     assert "did not differ significantly between ToM" in one(said, "mixed model")
 
 
-def test_effects_that_a_mixed_model_does_not_have_are_not_named(nothing: Said, tmp_path: Path) -> None:
+def test_effects_that_a_mixed_model_does_not_have_are_not_named(nothing: ReportText, tmp_path: Path) -> None:
     assert "as random effect and agent and layout as fixed effects, the" in one(nothing, "mixed model")
     truth = Truth(participants=4, agents=("sp",), layouts=("matrix", "double_rings"), timesteps=20, broken=0)
     write_export(truth, tmp_path / "data")
@@ -107,7 +107,7 @@ def test_effects_that_a_mixed_model_does_not_have_are_not_named(nothing: Said, t
     assert "as random effect and layout as fixed effect, the reward" in text
 
 
-def test_layouts_whose_answers_are_not_compared_are_named(nothing: Said) -> None:
+def test_layouts_whose_answers_are_not_compared_are_named(nothing: ReportText) -> None:
     text = one(nothing, "Answers about")
     assert text.startswith(
         "Answers about Coordination Ring, Double Rings, Double Counters and Matrix, "
@@ -115,7 +115,7 @@ def test_layouts_whose_answers_are_not_compared_are_named(nothing: Said) -> None
     )
 
 
-def test_every_question_and_comparison_has_a_sentence_also_without_a_finding(nothing: Said) -> None:
+def test_every_question_and_comparison_has_a_sentence_also_without_a_finding(nothing: ReportText) -> None:
     tests = select(nothing.rows, section="questionnaire", test="t_test_people")
     assert len(tests) == 3 * 3 * len(AGENTS)
     assert all("corrected <i>p</i>" in text for text in nothing.sentences if text.startswith("“"))
@@ -125,7 +125,7 @@ def test_every_question_and_comparison_has_a_sentence_also_without_a_finding(not
     )
 
 
-def test_the_questionnaire_is_one_corrected_family_over_people(low: Said) -> None:
+def test_the_questionnaire_is_one_corrected_family_over_people(low: ReportText) -> None:
     tests = select(low.rows, section="questionnaire", test="t_test_people")
     ordered = sorted(row.p for row in tests)
     by_hand = [min(p * 18 / rank for rank, p in enumerate(ordered, start=1) if p >= row.p) for row in tests]
@@ -141,7 +141,7 @@ def test_an_agent_that_went_the_other_way_is_not_called_higher() -> None:
     episodes, answers = episodes_of(World(), 6)
     tom = (pl.col("condition") == "tom") & (pl.col("question") == "efficiency")
     shift = pl.when(tom & (pl.col("agent") == "sp")).then(1.5).when(tom).then(-0.3).otherwise(0.0)
-    said = said_of(episodes, answers.with_columns(value=pl.col("value") + shift))
+    said = report_text_of(episodes, answers.with_columns(value=pl.col("value") + shift))
     text = next(
         text
         for text in said.sentences

@@ -91,7 +91,7 @@ def test_names_lead_to_predictors_or_to_an_error_that_lists_them():
         load_predictor("nobody", RING)
     with pytest.raises(UnknownPredictor, match="in percent"):
         load_predictor("guide@much", RING)
-    with pytest.raises(UnknownPredictor, match="between 17 and 100"):
+    with pytest.raises(UnknownPredictor, match="percentage from 17 to 100"):
         load_predictor("guide@5", RING)
 
 

@@ -48,7 +48,7 @@ async def test_one_participant_who_asks_too_often_waits_and_another_does_not(
     await calm.close()
 
 
-def test_an_address_has_a_budget_of_its_own() -> None:
+def test_each_address_has_its_own_limit() -> None:
     counted = rate_limits.Rates()
     spent = [counted.spend("address 192.0.2.1", rate_limits.ADDRESS_PER_S, 50) for _ in range(60)]
     assert spent[:50] == [True] * 50

@@ -9,7 +9,7 @@ import polars as pl
 from analysis import apa_text, mixed_model, questionnaires
 from analysis.groups import main_contrast
 from analysis.results import Result
-from analysis.simulated import PEOPLE
+from analysis.simulated_participants import PEOPLE
 from analysis.study import MEASURE, AnalysisDesign
 from analysis.study import reward_tests as reward_tests_of
 
@@ -68,7 +68,7 @@ def episodes_of(world: World, seed: int) -> tuple[pl.DataFrame, pl.DataFrame]:
 
 
 @dataclass(frozen=True)
-class Said:
+class ReportText:
     """The headlines and sentences about one study, and the rows that they are made of."""
 
     findings: list[str]
@@ -76,13 +76,13 @@ class Said:
     rows: tuple[Result, ...]
 
 
-def said_about(world: World, seed: int, draws: int = 200) -> Said:
+def report_text(world: World, seed: int, draws: int = 200) -> ReportText:
     """What the report says of one simulated study, by the report's own code."""
     episodes, answers = episodes_of(world, seed)
-    return said_of(episodes, answers, seed, draws)
+    return report_text_of(episodes, answers, seed, draws)
 
 
-def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws: int = 200) -> Said:
+def report_text_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws: int = 200) -> ReportText:
     """What the report says of these episodes and answers, without flow, accuracy and figures."""
     design = AnalysisDesign(CONDITIONS, LAYOUTS, AGENTS, main_contrast(CONDITIONS))
     model = mixed_model.fit(episodes, MEASURE, CONDITIONS)
@@ -104,4 +104,4 @@ def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws:
         subjects=PEOPLE,
         within=(),
     )
-    return Said(apa_text.findings(analysis), apa_text.sentences(analysis), rows)  # type: ignore[arg-type]
+    return ReportText(apa_text.findings(analysis), apa_text.sentences(analysis), rows)  # type: ignore[arg-type]

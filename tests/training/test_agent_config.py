@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from training.config import CONFIG_FOLDER, AgentConfig, agent_config
+from training.agent_config import CONFIG_FOLDER, AgentConfig, agent_config
 from training.pipeline.agent_tasks import STUDY_LAYOUTS
 from training.pipeline.presets import StudyScale, load_preset, seeds
 from training.predictor_config import PredictorTrainingSettings

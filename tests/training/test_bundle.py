@@ -87,7 +87,12 @@ def _weights(folder, monkeypatch):
         kind, *rest = name.split("_", 1)
         shutil.copytree(HERE / "_".join([OURS[kind], *rest]), ring / name)
     shutil.copytree(HERE / "population", ring / "population")
-    for module in ("models.agents.catalogue", "training.choose", "training.bundle", "training.publish_predictor"):
+    for module in (
+        "models.agents.catalogue",
+        "training.choose_agents",
+        "training.bundle",
+        "training.publish_predictor",
+    ):
         monkeypatch.setattr(f"{module}.WEIGHTS", folder / "weights")
     return ring
 

@@ -13,14 +13,14 @@ from models.networks.policy import build_network
 from models.networks.predictor import PredictorNetwork
 from overcooked.layout import load_layout
 from overcooked.vector_env import Starts, VectorEnv
-from training.agents import train_agent
+from training.agent_config import agent_config
 from training.compute import Compute, ComputeError, Request, quickest, request, requested
-from training.config import agent_config
 from training.dataset import Episodes
 from training.fast_path import choose_compute, fast_path
 from training.ppo import PpoTrainer
 from training.predictor_config import TrainingConfig
 from training.threaded_env import ThreadedEnv, threaded_env
+from training.train_agent import train_agent
 from training.train_predictor import PredictorTrainer
 
 RING = load_layout("coordination_ring")

@@ -11,15 +11,15 @@ from models.networks.config import NetworkConfig
 from models.networks.policy import build_network
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
-from training.agents import PEOPLE, card, snapshot_network, train_agent
+from training.agent_config import AgentConfig, agent_config
 from training.compute import Compute
-from training.config import AgentConfig, agent_config
 from training.fast_path import fast_path
 from training.fused_ppo_loss import FusedLoss
 from training.partners import PartnerPool
 from training.ppo import PpoTrainer, SeatRows, advantage_estimates, run_settings, train
 from training.ppo_loss import ppo_loss
 from training.runlog import RunError, RunFolder
+from training.train_agent import PEOPLE, card, snapshot_network, train_agent
 
 RING = load_layout("coordination_ring")
 SHORT = agent_config(None, ["total_timesteps=6400", "num_envs=8", "num_steps=100", "minibatch_size=400", "snapshots=4"])

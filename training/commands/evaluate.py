@@ -87,7 +87,7 @@ def _nothing(arguments: argparse.Namespace) -> str:
 
 def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     from overcooked.layout import layout_names, load_layout
-    from training.choose import evaluate_bundled, evaluate_with
+    from training.choose_agents import evaluate_bundled, evaluate_with
 
     refuse_below(1, episodes=arguments.episodes, timesteps=arguments.timesteps)
     layouts = [load_layout(name) for name in arguments.layouts or layout_names()]

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from training.agent_config import AgentConfig, agent_config
 from training.command_errors import error_message, refuse_below
-from training.config import AgentConfig, agent_config
 from training.settings import ConfigError
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def _train_agent(arguments: argparse.Namespace) -> int:
     from models.agents.own_checkpoints import name_in_study
     from models.networks.checkpoint import refuse_other_content
     from overcooked.layout import load_layout
-    from training.agents import train_agent, write_agent
+    from training.train_agent import train_agent, write_agent
 
     config = agent_config(arguments.config, arguments.set)
     refuse_below(0, seed=arguments.seed)

@@ -6,13 +6,13 @@ from dataclasses import asdict
 from functools import partial
 
 from overcooked.layout import load_layout
-from training.agents import PEOPLE, SKILLS, skill_snapshot, train_agent, write_agent
-from training.choose import choose_fcp, choose_sp, publish_agents
-from training.config import AgentConfig
+from training.agent_config import AgentConfig
+from training.choose_agents import choose_fcp, choose_sp, publish_agents
 from training.pipeline.predictor_tasks import predictor_tasks
 from training.pipeline.presets import AUXILIARY_ROLES, FIRST_SEEDS, ROLES, Preset, seeds
 from training.pipeline.study_tasks import Task, Work
 from training.runlog import RunFolder
+from training.train_agent import PEOPLE, SKILLS, skill_snapshot, train_agent, write_agent
 
 STUDY_LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 _OTHER_SEED = 1000  # is added to the seed of a run that never learned to cook

@@ -13,7 +13,6 @@ from typing import Any
 from models.agents.catalogue import KINDS, our_agent
 from models.networks.config import PredictorConfig
 from overcooked.layout import Layout
-from training.agents import SKILLS
 from training.behaviour_cloning import RECORDED, companions, make_companions
 from training.collect import TEST, CollectionPlan, Target, collect, read_manifest
 from training.dataset import load_episodes
@@ -23,6 +22,7 @@ from training.predictor_config import Configs, IntentionSettings, TrainingConfig
 from training.publish_intentions import add_intentions
 from training.publish_predictor import HowTrained, hashes_met, partners_met, predictor_folder, write_predictor
 from training.runlog import RunFolder
+from training.train_agent import SKILLS
 from training.train_predictor import prepared, train_predictor
 
 FORMS = ("stream", "window")
@@ -146,5 +146,5 @@ def _add_intentions(layout: Layout, agent: str, form: str, publish: bool, work: 
 
 
 def _bundled(layout: Layout, agent: str, form: str) -> Path:
-    """Return the folder of a bundled predictor of an agent that `training.choose.publish_agents` publishes."""
+    """Return the folder of a bundled predictor of an agent that `training.choose_agents.publish_agents` publishes."""
     return predictor_folder(layout, our_agent(agent, layout.name), form)

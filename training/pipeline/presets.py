@@ -16,7 +16,7 @@ from typing import Any
 from pydantic import Field
 
 from overcooked.other_names import bundled_name
-from training.config import CONFIG_FOLDER, AgentConfig
+from training.agent_config import CONFIG_FOLDER, AgentConfig
 from training.settings import ConfigError, TrainingSettings
 
 ROLES = ("population_sp", "target_sp", "population_fcp", "target_fcp", "features")

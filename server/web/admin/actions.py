@@ -38,6 +38,7 @@ log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/s/{name}")
 MAX_TEXT_LENGTH = 500
 MAX_MINUTES = 60
+UNKNOWN_ACTION = "There is no such action. Reload the page and choose it again."
 VERSION_TIMEOUT_S = 60.0  # loading a version's models takes seconds
 OPEN_TIMEOUT_S = 1.0  # who misses it follows
 
@@ -142,7 +143,7 @@ async def intervene(
             detail["minutes"] = _minutes(form)
             return back_to(_back(form), await _extend(admin, web, control, (game, detail)))
         case _:
-            raise HTTPException(404, "unknown action")
+            raise HTTPException(404, UNKNOWN_ACTION)
     await _note(web, admin, f"{action} game", detail | {"done": outcome != "gone"})
     return back_to(_back(form), outcome)
 
@@ -200,7 +201,7 @@ async def decide(
         case "extend":
             change, outcome = partial(participants.give_more_time, participant_id=person.id), "extended"
         case _:
-            raise HTTPException(404, "unknown action")
+            raise HTTPException(404, UNKNOWN_ACTION)
     if not await _change(web, admin, f"{action} participant", detail, change):
         outcome = "gone"
     if outcome == "released":
@@ -281,14 +282,14 @@ def _required(form: Form, name: str) -> str:
 def _why(form: Form) -> tuple[str, str]:
     reason = first(form, "reason")
     if reason not in decisions.EXCLUSION_REASONS:
-        raise HTTPException(400, "an exclusion needs a reason")
+        raise HTTPException(400, "This exclusion has no reason. Choose one from the list.")
     return reason, _text(form, "note")
 
 
 def _minutes(form: Form) -> int:
     minutes = whole_number(form, "minutes")
     if not 1 <= minutes <= MAX_MINUTES:
-        raise HTTPException(400, f"give 1 to {MAX_MINUTES} minutes")
+        raise HTTPException(400, f"{minutes} minutes are not possible. Give 1 to {MAX_MINUTES}.")
     return minutes
 
 

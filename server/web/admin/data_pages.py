@@ -88,7 +88,7 @@ def _query(web: Web, name: str, given: dict[str, str], blind: bool) -> DataQuery
     study_ids, _ = study_at(web, name)
     table = given["table"] or next(iter(TABLES))
     if table not in TABLES:
-        raise HTTPException(404, f"there is no table {table!r}. There are: {', '.join(TABLES)}")
+        raise HTTPException(404, f"There is no table {table!r}. Choose one of {', '.join(TABLES)}.")
     versions = [study for number in study_ids if (study := web.studies.version(number)) is not None]
     wanted = DataQuery(table, study_ids, blind=blind, hidden_questions=asked_of_some(versions) if blind else ())
     names = {column.name for column in columns_of(wanted)}

@@ -38,7 +38,9 @@ NOTES: Final = (study_drafts.EDITED, MERGED)
 def _text(form: DraftFormDep) -> str:
     text = first(form, "text")
     if len(text) > drafting.MAX_CHARACTERS:
-        raise HTTPException(413, f"a study has at most {drafting.MAX_CHARACTERS:,} characters here")
+        raise HTTPException(
+            413, f"This text has {len(text):,} characters; a draft has at most {drafting.MAX_CHARACTERS:,}. Shorten it."
+        )
     return text
 
 
@@ -52,7 +54,7 @@ async def check_text(
     """Apply a change from the form to a text, and say what is in the text and what is wrong with it. Stores nothing."""
     text, operation = _text(form), first(form, "operation")
     if len(operation) > MAX_OPERATION:
-        raise HTTPException(413, f"a change from the form has at most {MAX_OPERATION:,} characters")
+        raise HTTPException(413, f"This change has more than {MAX_OPERATION:,} characters. Make it in the YAML.")
     refused = ""
     if operation:
         try:
@@ -100,7 +102,7 @@ async def save(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: Draf
     source, revision, database = _text(form), whole_number(form, "revision"), services.web.database
     note = first(form, "note") or NOTES[0]
     if note not in NOTES:
-        raise HTTPException(400, "unknown note")
+        raise HTTPException(400, "This text was saved with an unknown note. Reload the page.")
     name = await asyncio.to_thread(drafting.named, source) or draft.name
     base, before = (first(form, field) if field in form else None for field in ("base", "before"))
     base = await base_of(database, draft.id, base, before)

@@ -26,6 +26,7 @@ CONSENT: Final = "consent"
 _SEED: Final = 1  # of the participant who is shown
 _CODE: Final = "KM-XXXX-XXXX"  # of the participant who is shown
 _STAYS: Final = "preview_stays"  # the outcome of what a study would do elsewhere, such as leaving it
+_ALL_STEPS: Final = "Open the preview again and choose one of its steps."
 _ANY_DEVICE: Final = EntryChecks(width=0, height=0, input=False, websocket=False, latency_ms=None)
 
 
@@ -72,13 +73,13 @@ class PreviewPlace:
 def _studied(draft: StudyDraft) -> Study:
     view = drafting.view(draft.source)
     if view.file is None:
-        raise HTTPException(409, "correct the problems of the draft first")
+        raise HTTPException(409, "This draft has problems, so it has no preview. Correct them first.")
     return view.file.study.model_copy(update={"entry": _ANY_DEVICE})
 
 
 def place_of(study: Study, condition: str, language: str) -> PreviewPlace:
     if condition not in {one.name for one in study.conditions} or language not in study.languages:
-        raise HTTPException(404, "the draft no longer has this condition or language")
+        raise HTTPException(404, f"The draft does not have this condition or language now. {_ALL_STEPS}")
     participant = PreviewPlace(study, condition, language, ()).participant(0)
     return PreviewPlace(study, condition, language, PreviewedStudies(study).steps_of(participant))
 
@@ -108,7 +109,7 @@ async def step(
         return back_to(f"/admin/drafts/{draft.id}/preview/{condition}/{chosen}/{position}")
     number = number_of(position)
     if number >= len(place.sequence):
-        raise HTTPException(404, "the draft no longer has this step")
+        raise HTTPException(404, f"The draft does not have this step now. {_ALL_STEPS}")
     made = preview_page(request, draft, place, number)
     if number < 0:
         context = consent_context(place.study, language, None, {}, "preview-" * 3)
@@ -133,7 +134,7 @@ def number_of(position: str) -> int:
     if position == CONSENT:
         return -1
     if not (position.isascii() and position.isdigit() and len(position) < 6):
-        raise HTTPException(404, "the draft has no such step")
+        raise HTTPException(404, f"The draft has no such step. {_ALL_STEPS}")
     return int(position)
 
 

@@ -34,7 +34,7 @@ async def start(admin: OwnDep, services: ServicesDep, draft: WholeDraftDep, form
     """Begin a rehearsal, unless one is running or somebody plays here: bots would take the time of their games."""
     number, here = whole_number(form, "number"), f"/admin/drafts/{draft.id}/bots"
     if not 1 <= number <= MAX_BOTS:
-        raise HTTPException(400, f"give 1 to {MAX_BOTS} simulated participants")
+        raise HTTPException(400, f"{number} simulated participants are not possible. Give 1 to {MAX_BOTS}.")
     if await games_of_all(services):
         return back_to(here, "bots_players")
     if not await asyncio.to_thread(_can_be_opened, draft.source, services):

@@ -82,7 +82,7 @@ async def trial(text: str) -> dict[str, Any]:
     if (known := _trials.get(layout.sha256)) is not None:
         return known
     if _one_at_a_time.locked():
-        raise HTTPException(503, "another kitchen is being tried", {"Retry-After": "2"})
+        raise HTTPException(503, "Another kitchen is being tried. Wait a moment and try again.", {"Retry-After": "2"})
     async with _one_at_a_time:  # taken before anything else is awaited
         found = await asyncio.to_thread(_tried, layout.text)
     while len(_trials) >= MAX_KEPT:
@@ -104,7 +104,10 @@ def _tried(grid: str) -> dict[str, Any]:
             check=True,
         )
     except subprocess.TimeoutExpired:
-        raise HTTPException(503, f"the trial took longer than {TIMEOUT_S} s and was stopped") from None
+        raise HTTPException(
+            503,
+            f"The trial took longer than {TIMEOUT_S} s and was stopped. Try again when fewer games run.",
+        ) from None
     except subprocess.CalledProcessError as error:
         raise HTTPException(500, error.stderr.decode(errors="replace")[-300:]) from None
     found: dict[str, Any] = json.loads(done.stdout)

@@ -56,7 +56,7 @@ async def edit_kitchen(request: Request, kitchen: str, admin: OwnDep, web: WebDe
     shown = next((one for one in history if str(one.version) == wanted and one.grid), None)
     shown = shown or next((one for one in history[:1] if one.grid), None)
     if shown is None or shown.grid is None:
-        raise HTTPException(404, f"there is no kitchen {kitchen!r} here")
+        raise HTTPException(404, f"There is no kitchen {kitchen!r}. Open it from the list of kitchens.")
     return _editor(request, admin, kitchen, shown.grid.splitlines(), history, shown.version)
 
 
@@ -94,7 +94,7 @@ def _bad_name(name: str) -> str:
     alike = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:40]
     example = alike if NAME.fullmatch(alike) else "my_kitchen"
     rule = "Use lowercase letters, digits and _, a letter first, and at most 40 characters"
-    return f"{f'{name!r} cannot be the name' if name else 'Give the kitchen a name'}. {rule}, for example {example}"
+    return f"{f'{name!r} cannot be the name' if name else 'Give the kitchen a name'}. {rule}, for example {example}."
 
 
 @router.post("/kitchens/save")
@@ -105,7 +105,7 @@ async def save_kitchen(admin: OwnDep, services: ServicesDep, form: AdminFormDep)
     if NAME.fullmatch(name) is None:
         raise HTTPException(400, _bad_name(name))
     if name in layout_names() or name in OTHER_NAMES:
-        raise HTTPException(400, f"{name} is the name of a bundled kitchen. Give your kitchen another name")
+        raise HTTPException(400, f"{name} is the name of a bundled kitchen. Give your kitchen another name.")
     try:
         layout = parse_layout(_grid(form), name)
     except LayoutError as error:
@@ -126,9 +126,9 @@ async def remove_kitchen(kitchen: str, admin: OwnDep, services: ServicesDep, for
     web = services.web
     history = await web.database.read(kitchens.of_name, kitchen)
     if not history or history[0].grid is None:
-        raise HTTPException(404, f"there is no kitchen {kitchen!r} here")
+        raise HTTPException(404, f"There is no kitchen {kitchen!r}. Open it from the list of kitchens.")
     if (busy := _bound(web, kitchen, None)) is not None:
-        raise HTTPException(409, busy.rstrip("."))
+        raise HTTPException(409, f"{busy} Remove it when the study is closed.")
     try:
         await _stored(web, admin.name, kitchen, None, history[0].version)
     except KitchenConflict as conflict:
@@ -167,7 +167,9 @@ def _studies(web: Web, kitchen: str) -> list[str]:
 def _grid(form: Form) -> str:
     text = first(form, "grid")
     if len(text) > MAX_TEXT:
-        raise HTTPException(400, f"a kitchen has at most {MAX_TEXT} characters")
+        raise HTTPException(
+            400, f"This text has {len(text):,} characters; a kitchen has at most {MAX_TEXT:,}. Shorten it."
+        )
     return text
 
 

@@ -15,7 +15,7 @@ import msgspec
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from server.background_tasks import ended
-from server.monitoring.arms import arm_names
+from server.monitoring.arm_names import arm_names
 from server.monitoring.live_games import CARDS_EVERY_S, Card, LiveGames, blinded, card_of, still_of
 from server.monitoring.peers import View
 from server.play.close_codes import CloseCode

@@ -33,11 +33,11 @@ async def records(request: Request, admin: WatchDep, web: WebDep, name: str = ""
             403, "The file was not sent by a page of this server. Open the page again and send it from there."
         )
     if not web.csrf.is_own_form(request.headers.get(TOKEN_HEADER, ""), form_session(request)):
-        raise HTTPException(403, "this page is too old: reload it and open the file again")
+        raise HTTPException(403, "This page has expired. Reload it and open the file again.")
     if not _NAME.fullmatch(name):
         raise HTTPException(422, "A file of recorded games ends in .jsonl or .json, or in one of these and .gz.")
     if admin.name in _open:
-        raise HTTPException(409, "another file of yours is still being read: wait a moment")
+        raise HTTPException(409, "Another file of yours is still being read. Wait a moment and try again.")
     _open.add(admin.name)
     try:
         found = await opened(await body_of(request, MAX_BYTES, "file"), name)

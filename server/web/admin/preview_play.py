@@ -51,7 +51,7 @@ def _game(file: StudyFile, at: GameAddress) -> tuple[PreviewPlace, StudyStep]:
     """Return the game at this place. Answers 404 where the draft has none."""
     place, number = place_of(file.study, at.condition, at.language), number_of(at.position)
     if not 0 <= number < len(place.sequence) or not place.sequence[number].is_game:
-        raise HTTPException(404, "the draft has no round here")
+        raise HTTPException(404, "The draft has no round here now. Open its preview again.")
     return place, place.sequence[number]
 
 

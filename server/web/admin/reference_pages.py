@@ -22,7 +22,11 @@ async def one_section(request: Request, admin: OwnDep, section: str) -> Response
     """Show every key of a section: type, default, example, meaning."""
     shown = next((one for one in SECTIONS if one.name == section), None)
     if shown is None:
-        raise HTTPException(NOT_FOUND, f"There is no section {section!r} of the study file.")
+        known = ", ".join(one.name for one in SECTIONS)
+        raise HTTPException(
+            NOT_FOUND,
+            f"The study file has no section {section!r}. Choose one of {known}.",
+        )
     text = await asyncio.to_thread(_html, shown)  # the first call reads the sources, and games must not wait
     page = AdminPage(request, admin)
     return page.render("study_keys.html", tab="drafts", sections=SECTIONS, shown=shown, text=text)

@@ -28,7 +28,7 @@ OUTCOMES = {
     "page after consent: another participant can take it.",
     "excluded": "The data are excluded.",
     "restored": "The exclusion is undone.",
-    "released": "The slot is free again.",
+    "released": "The place is free again.",
     "study_paused": "The study is paused: nobody can join, and no game runs.",
     "study_resumed": "The study continues.",
     "version_served": "The new version is served: new participants get it.",
@@ -131,5 +131,5 @@ def study_at(web: Web, name: str) -> tuple[tuple[int, ...], Study]:
         return versions, opened[1]
     study = web.studies.version(versions[0]) if versions else None
     if study is None:
-        raise HTTPException(404, f"there is no study {name!r} here")
+        raise HTTPException(404, f"There is no study {name!r}. Open it from the list of studies.")
     return versions, study

@@ -38,9 +38,9 @@ async def make(name: str, admin: ActDep, services: ServicesDep, form: AdminFormD
     study_at(services.web, name)
     _check_sight(admin)
     if command := missing_command():
-        raise HTTPException(409, f"reports need packages that are not installed here: run `{command}`")
+        raise HTTPException(409, f"Reports need packages that are not installed here. Run `{command}`.")
     if not await services.reports.start(name, admin.name):
-        raise HTTPException(503, "another report is being made: try again when it is ready", {"Retry-After": "30"})
+        raise HTTPException(503, "Another report is being made. Try again when it is ready.", {"Retry-After": "30"})
     return await _state(services.web, name)
 
 

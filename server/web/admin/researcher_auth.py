@@ -5,7 +5,7 @@ import secrets
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 from urllib.parse import quote
 
 from fastapi import Depends, HTTPException, Request, Response
@@ -53,7 +53,8 @@ async def session_of(connection: HTTPConnection) -> AdminSession | None:
     return session
 
 
-_ASK = "The person who runs the server can give it to you: `kitchenmind admin role NAME ROLE`."
+_SIGN_IN: Final = "You are not signed in. Sign in at /admin/login."
+_ASK: Final = "The person who runs the server can give it to you: `kitchenmind admin role NAME ROLE`."
 
 
 def _needs(role: str) -> Callable[[Request], Coroutine[Any, Any, AdminSession]]:
@@ -61,8 +62,8 @@ def _needs(role: str) -> Callable[[Request], Coroutine[Any, Any, AdminSession]]:
         session = await session_of(request)
         if session is None:
             if request.method == "GET" and "text/html" in request.headers.get("accept", ""):
-                raise HTTPException(303, "sign in first", {"Location": f"{PATH}/login?next={quote(request.url.path)}"})
-            raise HTTPException(401, "sign in first")
+                raise HTTPException(303, _SIGN_IN, {"Location": f"{PATH}/login?next={quote(request.url.path)}"})
+            raise HTTPException(401, _SIGN_IN)
         if not session.may(role):
             raise HTTPException(403, f"This needs the role {role}. {_ASK}")
         return session

@@ -7,7 +7,7 @@ from fastapi import APIRouter, HTTPException, Request, Response
 from sqlalchemy import Connection
 
 from server.monitoring import latency_history
-from server.monitoring.arms import arm_names
+from server.monitoring.arm_names import arm_names
 from server.monitoring.dashboard import step_name, steps_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who

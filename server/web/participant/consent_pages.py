@@ -10,8 +10,8 @@ from fastapi.responses import RedirectResponse
 
 from server.participation import progress
 from server.participation.recruiter_links import is_preview, link_parameters, may_start_new, recruitment_of, turned_away
-from server.store import new_places, study_openings
-from server.store.new_places import NoPlaceLeft
+from server.store import enrolment_limits, study_openings
+from server.store.enrolment_limits import EnrolmentLimitReached
 from server.store.participants import Participant
 from server.store.study_openings import StudyClosed
 from server.study.assignment import StudyFullError
@@ -160,11 +160,11 @@ def _is_simulated(web: Web, form: Form) -> bool:
 async def _enrol(made: PageResponse, arrival: progress.ConsentArrival) -> Response | None:
     """Enrol the participant, or return the page with the reason why not."""
     web = made.web
-    budgets = [] if arrival.simulated else web.places.budgets_of(address_of(made.request))
+    limits = [] if arrival.simulated else web.enrolment_limits.limits_of(address_of(made.request))
     try:
-        await web.database.write(progress.enrol_within, web.studies, arrival, budgets)
-    except NoPlaceLeft:
-        await web.database.write(new_places.turn_away, arrival.study, datetime.now(UTC))
+        await web.database.write(progress.enrol_within, web.studies, arrival, limits)
+    except EnrolmentLimitReached:
+        await web.database.write(enrolment_limits.turn_away, arrival.study, datetime.now(UTC))
         response = made.render("participant/crowded.html", 429)
         response.headers["Retry-After"] = "3600"
         return response

@@ -14,6 +14,6 @@ async def count(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:
     """Count a browser that opened the link, failed the entry checks, or whose user declined."""
     kind, reason = first(form, "kind"), first(form, "reason")
     if kind not in arrivals.KINDS or reason not in arrivals.REASONS:
-        raise HTTPException(400, "unknown count")
+        raise HTTPException(400, "There is no such count. Reload the page.")
     await web.database.write(arrivals.count, opened.id, kind, reason)
     return Response(status_code=204)

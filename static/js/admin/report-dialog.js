@@ -50,7 +50,7 @@ async function ask(route, options) {
     const answer = await fetch(`${base}/${route}`, { ...options, headers: { Accept: 'application/json' } });
     const body = await answer.json();
     if (answer.ok) show(body);
-    else say(`${body.detail.charAt(0).toUpperCase()}${body.detail.slice(1)}.`, true);
+    else say(body.detail, true);
   } catch {
     say('The server cannot be reached.', true);
     if (!running.hidden) timer = setTimeout(look, LOOK_EVERY_MS);

@@ -1,4 +1,4 @@
-// Reads a number that a participant typed. The rule is that of server/study/numbers.py; a test compares them.
+// Reads a number that a participant typed. The rule is that of server/study/read_number.py; a test compares them.
 
 const SPACE = '[ \\t\\n\\r\\u00a0\\u2000-\\u200a\\u202f\\u3000]';
 const EDGES = new RegExp(`^${SPACE}+|${SPACE}+$`, 'g');

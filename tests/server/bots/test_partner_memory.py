@@ -9,8 +9,8 @@ from overcooked.state import Kitchens
 from server.bots.cook import CookName, Traits
 from server.bots.foresight.cook import cook
 from server.bots.partner_memory import PartnerMemory
+from server.play.limited_sight import Sight
 from server.play.messages import KitchenState
-from server.play.sight import Sight
 
 LAYOUT = load_layout("double_rings")
 FAR, FARTHER = (7, 1, 0, 3), (7, 3, 1, 0)

@@ -1,9 +1,8 @@
 """Two server processes with one PostgreSQL and one Redis: researchers at one see and control the games of the other."""
 
 import asyncio
-import re
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ from typing import Any
 import httpx
 import pytest
 
-from models.inference.supervised_worker import ModelsDown
 from server.bots.cook import Traits
 from server.bots.game_client import BotGame, Journal
 from server.bots.participant import Bot
@@ -28,40 +26,14 @@ from server.monitoring.commands import (
 )
 from server.monitoring.peers import Process, View
 from server.play.game import Game
-from server.store import admins, decisions, new_places, study_drafts, ticks
-from server.store.study_drafts import DraftText
+from server.store import decisions, enrolment_limits, ticks
 from server.study.loader import StudyError
-from server.web.passwords import hashed
 from tests.support.live_server import LiveServer
 from tests.support.postgres_pool import PostgresPool
-from tests.support.real_server import SHORT_STUDY
 from tests.support.redis_server import RedisServer
+from tests.support.server_pair import PAIR_STUDY, Pair, until
 
 pytestmark = pytest.mark.postgres
-STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 2000")
-Pair = tuple[LiveServer, LiveServer]
-
-
-@pytest.fixture
-def redis() -> Iterator[RedisServer]:
-    server = RedisServer()
-    yield server
-    server.remove()
-
-
-@pytest.fixture
-def pair(tmp_path: Path, postgres_pool: PostgresPool, redis: RedisServer) -> Iterator[Pair]:
-    with postgres_pool.one() as address:
-        shared: dict[str, Any] = {"database": address, "redis": redis.url}
-        with LiveServer(tmp_path, 2.0, STUDY, **shared) as one, LiveServer(tmp_path, 2.0, STUDY, **shared) as other:
-            yield one, other
-
-
-async def until(condition: Any, seconds: float = 20.0) -> Any:
-    async with asyncio.timeout(seconds):
-        while not (found := condition()):
-            await asyncio.sleep(0.02)
-        return found
 
 
 def running(live: LiveServer) -> Game | None:
@@ -241,7 +213,7 @@ async def test_the_dashboard_of_each_process_shows_the_alerts_of_all(pair: Pair)
     here, there = pair
     await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
     database = here.app.state.services.web.database
-    here.do(lambda: database.write(new_places.turn_away, "short", datetime.now(UTC)))
+    here.do(lambda: database.write(enrolment_limits.turn_away, "short", datetime.now(UTC)))
     await until(lambda: alerted(here, "asked for more than") and alerted(there, "asked for more than"))
     assert [alerted(live, "asked for more than") for live in pair] == [1, 1]
     told = [live for live in pair if "places short" in live.app.state.services.alerts.open]
@@ -265,114 +237,6 @@ async def test_timesteps_without_the_required_display_are_shown_wherever_the_gam
     assert counted()["late"] >= 400
     await until(lambda: all(alerted(live, "did not show what the condition requires") for live in pair))
     assert all(alerted(live, "The server was too slow") for live in pair)
-
-
-def change_the_study(folder: Path) -> None:
-    """As an editor would, while both servers run."""
-    path = folder / "short.yaml"
-    path.write_text(path.read_text("utf-8").replace("A short study", "A newer study"), encoding="utf-8")
-
-
-def opened(live: LiveServer, study: str = "short") -> Any:
-    """The number of the version that this server lets people into."""
-    found = live.app.state.services.web.studies.open(study)
-    return found[0] if found else None
-
-
-def signed_in(live: LiveServer, role: str = "act") -> httpx.Client:
-    """A researcher at this server."""
-    database, password = live.app.state.services.web.database, "a password for the tests"
-    live.do(lambda: database.write(admins.create, "ada", hashed(password), role))
-    client = httpx.Client(base_url=live.url, follow_redirects=True, timeout=60)
-    form = {"form_token": token_in(client.get("/admin/login").text), "name": "ada", "password": password}
-    assert client.post("/admin/login", data=form).status_code == 200
-    return client
-
-
-def token_in(page: str) -> str:
-    """The hidden field that every form needs."""
-    found = re.search(r'name="form_token" value="([^"]+)"', page)
-    assert found is not None
-    return found[1]
-
-
-async def test_one_click_serves_the_new_version_of_a_study_in_every_process(pair: Pair, tmp_path: Path) -> None:
-    here, there = pair
-    await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
-    before = opened(here)
-    assert opened(there) == before
-    change_the_study(tmp_path)
-    researcher = signed_in(here)
-    form = {"form_token": token_in(researcher.get("/admin/s/short").text)}
-    assert "The new version is served" in researcher.post("/admin/s/short/version", data=form).text
-    await until(lambda: opened(there) != before)
-    assert opened(there) == opened(here) != before
-
-
-async def test_a_version_that_not_every_process_can_serve_is_served_by_none(
-    pair: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    here, there = pair
-    await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
-    before = opened(here)
-    change_the_study(tmp_path)
-    monkeypatch.setattr(there.models, "add", broken)
-    researcher = signed_in(here)
-    form = {"form_token": token_in(researcher.get("/admin/s/short").text)}
-    assert "could not be served" in researcher.post("/admin/s/short/version", data=form).text
-    assert opened(here) == opened(there) == before
-
-
-async def broken(*_: Any) -> None:
-    raise ModelsDown("planner cannot be used: pretends to be broken")
-
-
-async def test_a_participant_of_a_version_that_one_process_serves_is_known_in_all(pair: Pair, tmp_path: Path) -> None:
-    here, there = pair
-    change_the_study(tmp_path)
-    services = here.app.state.services
-    services.versions.open(here.do(lambda: services.versions.prepare_file(services.web.database, "short")))
-    visitor = Bot(here.url, "short", 1)
-    await visitor.consent()
-    found = httpx.get(f"{there.url}/s/short/now", cookies={"participant": visitor.token})
-    assert found.status_code == 200, "sent away to consent again"
-    assert "A newer study" in found.text
-    await until(lambda: opened(there) == opened(here))  # nobody told it: it has seen what the other serves
-    await visitor.close()
-
-
-async def test_a_draft_that_is_opened_in_one_process_is_served_changed_and_closed_in_the_other(pair: Pair) -> None:
-    here, there = pair
-    await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
-    researcher, database = signed_in(here, "own"), here.app.state.services.web.database
-    text = STUDY.replace("name: short", "name: drafted")
-    number = here.do(lambda: database.write(study_drafts.create, DraftText("ada", text, "drafted", note="created")))
-    draft = f"/admin/drafts/{number}"
-
-    def click(what: str, **fields: str) -> str:
-        form = {"form_token": token_in(researcher.get(draft).text), **fields}
-        return researcher.post(f"{draft}/{what}", data=form).text
-
-    assert opened(there, "drafted") is None
-    assert "The study is open: participants can join." in click("open", revision="1")
-    await until(lambda: opened(there, "drafted") is not None)
-    assert opened(there, "drafted") == opened(here, "drafted")
-    early = Bot(there.url, "drafted", 1)
-    await early.consent()
-    newer = DraftText("ada", text.replace("A short study", "A newer study"), "drafted", 1)
-    here.do(lambda: database.write(study_drafts.save, number, newer))
-    before = opened(there, "drafted")
-    click("open", revision="2")
-    await until(lambda: opened(there, "drafted") not in (None, before))
-    kept = httpx.get(f"{here.url}/s/drafted/now", cookies={"participant": early.token})
-    assert "A short study" in kept.text, "who has begun keeps the version, in every process"
-    assert "A newer study" in httpx.get(f"{there.url}/s/drafted").text
-    click("close", study="drafted")
-    late = httpx.get(f"{there.url}/s/drafted")
-    assert "form_token" not in late.text, "nobody new is let in"
-    assert httpx.get(f"{there.url}/s/drafted/now", cookies={"participant": early.token}).status_code == 200
-    await early.close()
-    researcher.close()
 
 
 class Nobody:
@@ -406,7 +270,7 @@ async def test_a_process_can_leave_the_others_at_any_moment(redis: RedisServer) 
 def test_people_who_play_with_people_need_one_process(
     tmp_path: Path, postgres_pool: PostgresPool, redis: RedisServer
 ) -> None:
-    study = STUDY.replace(
+    study = PAIR_STUDY.replace(
         "{name: planner, predictor: sp_predictor_stream}", "{name: other, human: true, predictor: random}"
     )
     study = study.replace("conditions:", "order: {rule: fixed}\nconditions:")

@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import select
 
 import kitchenmind
-from analysis import cards, data_quality, measures
+from analysis import data_quality, measures, model_cards
 from analysis.episode_quality import episode_proposals
 from analysis.report import write_report
 from analysis.study import Options
@@ -126,17 +126,17 @@ def test_offline_accuracy_is_found_by_the_hash_of_the_predictor(tmp_path: Path) 
             "predictor_sha256": [used, other, used, "0" * 64],  # a degraded predictor is the same file
         }
     )
-    assert cards.offline_accuracy(episodes, tmp_path) == {
+    assert model_cards.offline_accuracy(episodes, tmp_path) == {
         "sp": {
             "sp_predictor_stream": {"matrix": pytest.approx([0.9, 0.8, 0.7])},
             "sp_predictor_window": {"matrix": pytest.approx([0.8, 0.7, 0.6])},
         }
     }
-    assert cards.offline_accuracy(episodes.drop("predictor_sha256"), tmp_path) == {}
+    assert model_cards.offline_accuracy(episodes.drop("predictor_sha256"), tmp_path) == {}
     people = episodes.with_columns(
         watched_person=pl.when(pl.col("predictor") == "sp_predictor_stream").then(pl.lit("p2"))
     )
-    found = cards.offline_accuracy(people, tmp_path)
+    found = model_cards.offline_accuracy(people, tmp_path)
     assert list(found["sp"]) == ["sp_predictor_window"], "no offline test is about people"
 
 

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from server.monitoring.arms import arm_names
+from server.monitoring.arm_names import arm_names
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.participation import progress
 from server.participation.progress import ConsentArrival

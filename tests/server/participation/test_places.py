@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import text as sql
 
-from server.monitoring.arms import arm_names
+from server.monitoring.arm_names import arm_names
 from server.monitoring.enrolment_flow import arms_of, stock
 from server.participation import places, progress
 from server.participation.progress import ConsentArrival

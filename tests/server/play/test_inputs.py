@@ -10,8 +10,8 @@ from server.play.keys import Keys
 from server.play.messages import Input
 from server.play.recorder import INPUT_OUTCOMES, InputRecord, StoredInputs
 from server.play.session import Session
-from tests.server.play.test_session import AT, press, start, tick
 from tests.support.live_fakes import make_spec, new_record
+from tests.support.played_session import AT, press, start, tick
 
 
 def outcomes(records: Sequence[InputRecord]) -> list[tuple[int, int | None, str]]:

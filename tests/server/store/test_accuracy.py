@@ -5,8 +5,8 @@ from sqlalchemy import Connection
 from server.store import episodes, participants, studies, ticks, withdrawal
 from server.store.accuracy import RunningAccuracy
 from server.store.database import Database
-from server.store.displays import DisplayCount
 from server.store.participants import NewParticipant, new_token
+from server.store.wrong_displays import DisplayCount
 from tests.support.study_data import SPEC, played, result_of
 
 

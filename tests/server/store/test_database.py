@@ -1,10 +1,8 @@
+"""The database: migrations, shared commits, locks, and what happens when it is away."""
+
 import asyncio
 import math
-import os
-import re
-import stat
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import psycopg
@@ -13,10 +11,9 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import Connection, create_engine, event, func, select, text
 
-import kitchenmind
 from server.store import studies
 from server.store.database import Database, DatabaseDown, DatabaseInUse
-from server.store.engines import normal_url, shown
+from server.store.engines import normal_url
 from server.store.migrate import DatabaseTooNew, migrate, migrate_shared, newest_revision
 from server.store.tables import metadata
 from server.store.tables import studies as study_table
@@ -173,73 +170,6 @@ def test_read_only_database_refuses_to_write_and_takes_no_lock(database: Databas
             other.write_now(studies.register, "ring", "text")
 
 
-@pytest.mark.parametrize("address", ["nonsense", "mysql://root@host/name", "sqlite://", "sqlite:///:memory:"])
-def test_address_of_something_else_is_refused_with_the_remedy(address: str) -> None:
-    with pytest.raises(ValueError, match="Use sqlite:///"):
-        Database(address)
-
-
-@pytest.mark.parametrize(
-    "address",
-    [
-        "postgresql:/kitchenmind:hunter2@host/name",
-        "kitchenmind:hunter2@host/name",
-        "postgresql://kitchenmind:1hunter2@host:port/name",
-        "mysql://root:hunter2@host/name",
-        "postgresql://ada:first@hunter2@host/name",
-        "postgresql://ada:first@hunter2/more@host/name",
-    ],
-)
-def test_address_that_is_not_understood_is_not_shown_as_it_may_hold_a_password(address: str) -> None:
-    with pytest.raises(ValueError, match="Use sqlite:///") as refused:
-        normal_url(address)
-    assert "hunter" not in str(refused.value)
-
-
-def test_addresses_are_shown_without_their_password_wherever_it_stands() -> None:
-    for address in (
-        "postgresql://ada:hunter2@host/name",
-        "postgresql://ada@host/name?password=hunter2&sslmode=require",
-    ):
-        assert "hunter" not in shown(normal_url(address))
-    assert shown(normal_url("postgresql://ada@host/name?sslmode=require")).endswith("ada@host/name?sslmode=require")
-
-
-@pytest.fixture
-def loose() -> Iterator[None]:
-    before = os.umask(0)
-    yield
-    os.umask(before)
-
-
-def rights(path: Path) -> int:
-    return stat.S_IMODE(path.stat().st_mode)
-
-
-@pytest.mark.usefixtures("loose")
-def test_files_of_a_database_are_for_its_owner_only(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path}/new/deeper/study.db"
-    migrate(url)
-    with Database(url) as database:
-        database.write_now(studies.register, "ring", "text")
-        database.read_now(how_many)
-        files = {path.name: rights(path) for path in (tmp_path / "new" / "deeper").iterdir()}
-        assert files == dict.fromkeys(("study.db", "study.db-wal", "study.db-shm", "study.db.lock"), 0o600)
-    assert [rights(tmp_path / "new"), rights(tmp_path / "new" / "deeper")] == [0o700, 0o700]
-
-
-@pytest.mark.usefixtures("loose")
-def test_files_that_everybody_could_read_are_taken_back_and_those_of_a_group_stay(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path}/study.db"
-    migrate(url)
-    (tmp_path / "study.db").chmod(0o644)
-    with Database(url):
-        assert rights(tmp_path / "study.db") == 0o600
-    (tmp_path / "study.db").chmod(0o660)
-    with Database(url):
-        assert rights(tmp_path / "study.db") == 0o660
-
-
 @pytest.mark.postgres
 @pytest.mark.parametrize("encoding", ["SQL_ASCII", "LATIN1"])
 def test_postgresql_that_cannot_hold_every_letter_is_refused_with_the_remedy(
@@ -317,47 +247,6 @@ async def test_postgresql_that_was_stopped_counts_as_down_and_then_recovers() ->
             assert [study.key for study in await database.read(studies.every)] == ["before", "after"]
     finally:
         server.remove()
-
-
-@pytest.mark.parametrize(
-    ("address", "message"),
-    [
-        ("sqlite://folder/x.db", r"has two slashes\. Write sqlite:///folder/x\.db"),
-        ("sqlite://x.db", r"has two slashes\. Write sqlite:///x\.db"),
-        ("sqlite://somebody@host/x.db", "has two slashes"),
-        ("sqlite:///has?query.db", r"a \? ends the name of the file\. Write %3F"),
-        ("sqlite:///x.db?mode=ro", r"a \? ends the name"),
-        ("sqlite:///", "in memory"),
-        ("sqlite:///:memory:", "in memory"),
-        ("sqlite:///folder", "is a folder. Give a file in it: sqlite:///folder/file.db"),
-        ("sqlite:///folder/", "is a folder"),
-    ],
-)
-@pytest.mark.parametrize("verb", ["serve", "doctor", "export", "verify", "backup", "admin"])
-def test_address_that_means_another_file_is_refused_and_leaves_nothing(
-    verb: str,
-    address: str,
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    (tmp_path / "folder").mkdir()
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("KITCHENMIND_DATABASE", address)
-    words = {"export": ["--out", "out"], "backup": ["--to", "copy.db"], "admin": ["list"], "serve": ["--port", "0"]}
-    assert kitchenmind.main([verb, *words.get(verb, [])]) in (1, 2)
-    captured = capsys.readouterr()
-    assert re.search(message, captured.out + captured.err)
-    assert [path.name for path in tmp_path.rglob("*")] == ["folder"]
-
-
-def test_question_mark_in_the_name_of_a_file_can_be_written(tmp_path: Path) -> None:
-    address = f"sqlite:///{tmp_path}/has%3Fquery%23.db"
-    migrate(address)
-    with Database(address) as database:
-        assert database.read_now(lambda connection: connection.execute(text("SELECT 1")).scalar()) == 1
-    assert (tmp_path / "has?query#.db").is_file()
 
 
 def test_database_that_cannot_be_made_leaves_no_lock(tmp_path: Path) -> None:

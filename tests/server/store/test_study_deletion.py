@@ -11,8 +11,8 @@ from server.store import (
     arrivals,
     audit,
     decisions,
+    enrolment_limits,
     episodes,
-    new_places,
     participants,
     studies,
     study_deletion,
@@ -51,7 +51,7 @@ def second_version(connection: Connection) -> int:
     decisions.pause_study(connection, "ring", "anna")
     open_from_a_draft(connection, study_id)
     arrivals.count(connection, study_id, arrivals.OPENED)
-    new_places.turn_away(connection, "ring", datetime.now(UTC))
+    enrolment_limits.turn_away(connection, "ring", datetime.now(UTC))
     number = study_reports.begin(connection, "ring", "anna", "reading")
     assert number is not None
     study_reports.finish(connection, number, b"of the participants", 3, False)

@@ -1,4 +1,4 @@
-"""Factors of a study file: every combination of levels is a condition, and mistakes are told at their place."""
+"""Factors of a study file: every combination of levels is a condition, and problems are reported with their place."""
 
 import json
 import re

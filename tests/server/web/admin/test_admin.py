@@ -281,11 +281,12 @@ def test_an_export_that_takes_too_long_is_given_up_with_the_remedy(
 def test_researchers_get_errors_in_their_own_pages(site: PageSite) -> None:
     researcher = signed_in(site, "own")
     missing = researcher.get("/admin/s/nowhere")
-    assert (missing.status_code, missing.text.count("There is no study &#39;nowhere&#39; here.")) == (404, 1)
+    reason = "There is no study &#39;nowhere&#39;. Open it from the list of studies."
+    assert (missing.status_code, missing.text.count(reason)) == (404, 1)
     assert '<link rel="stylesheet" href="/static/css/admin.css">' in missing.text
     assert "Check the address." in researcher.get("/admin/no-such-page").text
     no_game = researcher.get("/admin/s/small/game/none").text
     assert "<p>This study has no such game. Open it from the list of games.</p>" in no_game
     assert "admin.css" not in researcher.get("/administer").text
     program = researcher.client.get("/admin/s/nowhere", headers={"accept": "application/json"})
-    assert program.json() == {"detail": "there is no study 'nowhere' here"}
+    assert program.json() == {"detail": "There is no study 'nowhere'. Open it from the list of studies."}

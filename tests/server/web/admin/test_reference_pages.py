@@ -35,6 +35,6 @@ def test_a_section_names_its_keys_and_every_link_leads_to_a_heading(site: PageSi
 def test_an_unknown_section_is_not_found_and_only_owners_read_it(site: PageSite) -> None:
     answer = signed_in(site, "own").client.get("/admin/study-keys/nothing", headers={"accept": "application/json"})
     assert answer.status_code == 404
-    assert "There is no section 'nothing' of the study file." in answer.text
+    assert "The study file has no section 'nothing'." in answer.text
     answer = signed_in(site, "act").client.get("/admin/study-keys/title", headers={"accept": "application/json"})
     assert answer.status_code == 403

@@ -146,3 +146,16 @@ def test_a_game_that_cannot_be_played_again_is_an_alert_until_a_researcher_ends_
     asyncio.run(alerts.check())
     assert alerts.shown("small") == []
     assert "P-001" in researcher.get(page).text
+
+
+def test_a_refused_action_says_what_to_choose_instead(site: PageSite) -> None:
+    researcher = signed_in(site, "act")
+    game = f"/admin/s/small/game/{played(site)}"
+    researcher.get(game)
+    token = researcher.token()
+    unknown = researcher.post(f"{game}/dance", token)
+    assert (unknown.status_code, "Reload the page and choose it again." in unknown.text) == (404, True)
+    without = researcher.post(f"{game}/exclude", token)
+    assert (without.status_code, "Choose one from the list." in without.text) == (400, True)
+    long = researcher.post(f"{game}/extend", token, minutes="90")
+    assert (long.status_code, "90 minutes are not possible. Give 1 to 60." in long.text) == (400, True)

@@ -12,13 +12,13 @@ from sqlalchemy import Connection, select
 
 from server.monitoring import invented_participants
 from server.participation import places
-from server.store import new_places, participants
+from server.store import enrolment_limits, participants
 from server.store.database import Database
-from server.store.new_places import NoPlaceLeft
+from server.store.enrolment_limits import EnrolmentLimitReached
 from server.store.tables import attempts
 from server.store.tables import participants as table
 from server.web.client_address import address_of
-from server.web.rate_limits import NewPlaces
+from server.web.rate_limits import EnrolmentLimits
 from tests.support.page_site import EVERYTHING, SMALL_STUDY, PageSite, Visitor
 
 ONE_EACH = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
@@ -41,7 +41,7 @@ def consented_ago(site: PageSite, minutes: float) -> None:
 
 
 def limit(site: PageSite, an_hour: int) -> None:
-    web = replace(site.services.web, places=NewPlaces(an_hour, SECRET, counts_local=True))
+    web = replace(site.services.web, enrolment_limits=EnrolmentLimits(an_hour, SECRET, counts_local=True))
     site.use(replace(site.services, web=web))
 
 
@@ -78,58 +78,58 @@ def test_a_place_that_came_to_nothing_is_given_back(site: PageSite) -> None:
     assert Visitor(site).consent("wide").status_code == 429
 
 
-def brought(database: Database, places: NewPlaces, address: str, at: datetime) -> bool:
+def brought(database: Database, configured: EnrolmentLimits, address: str, at: datetime) -> bool:
     """Whether the address may bring somebody new at this moment; they are enrolled if so."""
-    budgets = places.budgets_of(address)
+    limits = configured.limits_of(address)
 
     def enrol(connection: Connection) -> None:
-        new_places.check(connection, budgets, at)
-        new_places.take(connection, budgets, at)
+        enrolment_limits.check(connection, limits, at)
+        enrolment_limits.take(connection, limits, at)
 
     try:
         database.write_now(enrol)
-    except NoPlaceLeft:
+    except EnrolmentLimitReached:
         return False
     return True
 
 
 def test_a_place_comes_back_with_time_and_not_before(site: PageSite) -> None:
-    places, database, now = NewPlaces(6, SECRET), site.database, datetime.now(UTC)
-    assert [brought(database, places, "192.0.2.1", now) for _ in range(7)] == [True] * 6 + [False]
-    assert brought(database, places, "192.0.2.2", now), "another address"
-    assert not brought(database, places, "192.0.2.1", now + timedelta(minutes=59))
-    assert brought(database, places, "192.0.2.1", now + timedelta(minutes=61))
+    configured, database, now = EnrolmentLimits(6, SECRET), site.database, datetime.now(UTC)
+    assert [brought(database, configured, "192.0.2.1", now) for _ in range(7)] == [True] * 6 + [False]
+    assert brought(database, configured, "192.0.2.2", now), "another address"
+    assert not brought(database, configured, "192.0.2.1", now + timedelta(minutes=59))
+    assert brought(database, configured, "192.0.2.1", now + timedelta(minutes=61))
 
 
-def test_the_networks_of_one_ipv6_site_share_a_budget_and_neighbours_have_their_own(site: PageSite) -> None:
-    places, database, now = NewPlaces(2, SECRET), site.database, datetime.now(UTC)
-    let_in = [brought(database, places, f"2001:db8:1:{n:x}::/64", now) for n in range(40)]
+def test_the_networks_of_one_ipv6_site_share_a_limit_and_neighbours_have_their_own(site: PageSite) -> None:
+    configured, database, now = EnrolmentLimits(2, SECRET), site.database, datetime.now(UTC)
+    let_in = [brought(database, configured, f"2001:db8:1:{n:x}::/64", now) for n in range(40)]
     assert let_in == [True] * 8 + [False] * 32
-    assert brought(database, places, "2001:db8:2:1::/64", now)
+    assert brought(database, configured, "2001:db8:2:1::/64", now)
 
 
 def test_addresses_are_stored_as_keyed_hashes_only(site: PageSite) -> None:
-    brought(site.database, NewPlaces(2, SECRET), "192.0.2.7", datetime.now(UTC))
+    brought(site.database, EnrolmentLimits(2, SECRET), "192.0.2.7", datetime.now(UTC))
     (row,) = site.database.read_now(lambda connection: connection.execute(select(attempts)).mappings().all())
     assert "192.0.2.7" not in str(dict(row))
-    assert row["name"] != NewPlaces(2, b"another secret").budgets_of("192.0.2.7")[0].network
+    assert row["name"] != EnrolmentLimits(2, b"another secret").limits_of("192.0.2.7")[0].network
 
 
 def test_refused_participants_are_counted_for_an_hour_and_up_to_a_limit(
     site: PageSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(new_places, "MAX_TURNED_AWAY", 3)
+    monkeypatch.setattr(enrolment_limits, "MAX_TURNED_AWAY", 3)
     now = datetime.now(UTC)
     for _ in range(5):
-        site.database.write_now(new_places.turn_away, "wide", now)
-    assert site.database.read_now(new_places.turned_away, "wide", now) == 3
-    assert site.database.read_now(new_places.turned_away, "small", now) == 0
-    assert site.database.read_now(new_places.turned_away, "wide", now + timedelta(minutes=61)) == 0
+        site.database.write_now(enrolment_limits.turn_away, "wide", now)
+    assert site.database.read_now(enrolment_limits.turned_away, "wide", now) == 3
+    assert site.database.read_now(enrolment_limits.turned_away, "small", now) == 0
+    assert site.database.read_now(enrolment_limits.turned_away, "wide", now + timedelta(minutes=61)) == 0
 
 
 @pytest.mark.parametrize(("an_hour", "counts_local"), [(0, True), (1, False)])
 def test_no_limit_and_the_own_machine(an_hour: int, counts_local: bool) -> None:
-    assert NewPlaces(an_hour, SECRET, counts_local).budgets_of("127.0.0.1") == []
+    assert EnrolmentLimits(an_hour, SECRET, counts_local).limits_of("127.0.0.1") == []
 
 
 @pytest.mark.parametrize(

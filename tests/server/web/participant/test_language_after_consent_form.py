@@ -10,7 +10,7 @@ import pytest
 from server.participation import progress
 from server.store import decisions
 from server.store.database import DatabaseDown
-from server.store.new_places import NoPlaceLeft
+from server.store.enrolment_limits import EnrolmentLimitReached
 from tests.server.web.participant.test_changed_consent import NEW, OLD, open_version
 from tests.server.web.participant.test_filling_a_study import ONE_EACH
 from tests.server.web.participant.test_recruiters import RECRUITMENTS
@@ -121,7 +121,7 @@ def test_a_network_from_which_too_many_came_is_tried_again_with_the_recruiters_l
     site: PageSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def none_left(*_: object) -> None:
-        raise NoPlaceLeft
+        raise EnrolmentLimitReached
 
     visitor = Visitor(site)
     visitor.get(f"/s/small{link(1)}")

@@ -8,7 +8,7 @@ from msgspec import structs
 from server.play.marks import NOTHING_SHOWN
 from server.store import episodes, studies, ticks
 from server.store.database import Database
-from server.store.displays import DisplayCount, violations
+from server.store.wrong_displays import DisplayCount, violations
 from tests.support.study_data import SPEC, played, result_of
 
 NOTHING = ((NOTHING_SHOWN, 95), (NOTHING_SHOWN, 80), (NOTHING_SHOWN, 60))

@@ -20,29 +20,29 @@ TURNED_AWAY: Final = "turned away"
 MAX_TURNED_AWAY: Final = 1000  # rows of one study: more people are not counted
 
 
-class NoPlaceLeft(Exception):
+class EnrolmentLimitReached(Exception):
     """The address has brought as many new participants as it may in an hour."""
 
 
 @dataclass(frozen=True)
-class PlaceBudget:
+class EnrolmentLimit:
     """How many new participants a network may bring in an hour. `network`: a keyed hash of it."""
 
     network: str
     most: int
 
 
-def check(connection: Connection, budgets: Sequence[PlaceBudget], now: datetime) -> None:
-    """Raise NoPlaceLeft if one of the budgets is used up."""
-    for budget in budgets:
-        if _count(connection, NEW, budget.network, now) >= budget.most:
-            raise NoPlaceLeft
+def check(connection: Connection, limits: Sequence[EnrolmentLimit], now: datetime) -> None:
+    """Raise EnrolmentLimitReached if one of the limits is used up."""
+    for limit in limits:
+        if _count(connection, NEW, limit.network, now) >= limit.most:
+            raise EnrolmentLimitReached
 
 
-def take(connection: Connection, budgets: Sequence[PlaceBudget], now: datetime) -> None:
-    """Count a new participant in every budget."""
-    for budget in budgets:
-        _add(connection, NEW, budget.network, now)
+def take(connection: Connection, limits: Sequence[EnrolmentLimit], now: datetime) -> None:
+    """Count a new participant in every limit."""
+    for limit in limits:
+        _add(connection, NEW, limit.network, now)
 
 
 def turn_away(connection: Connection, study: str, now: datetime) -> None:

@@ -6,14 +6,14 @@ from server.participation.served_studies import Studies
 from server.store.database import Database
 
 
-class PlaceLimit(Protocol):
+class HourlyLimit(Protocol):
     """The limit on new participants from one address per hour."""
 
     an_hour: int
 
 
-class Site(Protocol):
-    """The database, the served studies and the limit of new places of this server."""
+class MonitoredServer(Protocol):
+    """The database, the served studies and the limit on new participants of this server."""
 
     @property
     def database(self) -> Database: ...
@@ -22,7 +22,7 @@ class Site(Protocol):
     def studies(self) -> Studies: ...
 
     @property
-    def places(self) -> PlaceLimit: ...
+    def enrolment_limits(self) -> HourlyLimit: ...
 
 
 class OpenSockets(Protocol):

@@ -3,8 +3,8 @@
 import pytest
 
 from server.study.answer_checks import AnswerError, check_answers
-from server.study.numbers import read_number
 from server.study.questionnaire import NumberQuestion
+from server.study.read_number import read_number
 from tests.support.written_numbers import WRITTEN
 
 

@@ -7,10 +7,10 @@ import pytest
 from overcooked.constants import EAST, INTERACT, NORTH, SOUTH, STAY, WEST
 from overcooked.layout import parse_layout
 from server.play import messages
+from server.play.limited_sight import Sight
 from server.play.marks import NOTHING_SHOWN
 from server.play.messages import KitchenState
 from server.play.session import Session
-from server.play.sight import Sight
 from tests.support.live_fakes import RuleModels, make_spec, new_record
 
 CORRIDOR = """

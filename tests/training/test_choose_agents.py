@@ -6,9 +6,9 @@ from typing import cast
 
 import pytest
 
-from training.agents import skill_snapshot
-from training.choose import best_fcp
+from training.choose_agents import best_fcp
 from training.runlog import RunFolder
+from training.train_agent import skill_snapshot
 
 SCORES = {
     "strong": {"self_play": 200.0, "held_out": 90.0},

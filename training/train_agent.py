@@ -13,8 +13,8 @@ from models.networks.config import NetworkConfig
 from models.networks.policy import MlpPolicy, Network, build_network, network_of, save_agent
 from models.protocols import Mode
 from overcooked.layout import Layout, parse_layout
+from training.agent_config import AgentConfig, network_config
 from training.compute import Compute
-from training.config import AgentConfig, network_config
 from training.fast_path import choose_compute
 from training.partners import PartnerPool, load_partners
 from training.ppo import PpoTrainer, Progress, run_settings, train

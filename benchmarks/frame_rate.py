@@ -1,6 +1,6 @@
 """Frames per second of the game at 1920 x 1080 without a GPU, and the CPU time of a frame.
 
-`python benchmarks/pictures.py [--seconds N] [--against REVISION] [--json]`: Chromium draws the game of
+`python benchmarks/frame_rate.py [--seconds N] [--against REVISION] [--json]`: Chromium draws the game of
 `benchmarks/browser.py` in software, with the predictor's marks. `--against` measures the pages of another revision in
 turn with these. On a busy machine the frame rate falls; the CPU time of a frame changes less.
 """

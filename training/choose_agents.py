@@ -14,9 +14,9 @@ from models.networks.policy import NetworkPolicy, load_network
 from models.protocols import Policy
 from overcooked.constants import HORIZON
 from overcooked.layout import Layout
-from training.agents import PEOPLE, SKILLS, publish
 from training.evaluate_agents import EvaluatedAgent, measured, measured_with
 from training.pipeline.study_tasks import Work
+from training.train_agent import PEOPLE, SKILLS, publish
 
 HELD_OUT = "held_out"
 _DECISION = "decision.json"

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from analysis.report import Report, write_report
-from analysis.simulated import LABEL, without_pooling
+from analysis.simulated_participants import LABEL, without_pooling
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
 from analysis.tables import read_export

@@ -1,6 +1,6 @@
 """The accuracy of an observer who knows the action probabilities of both agents, but not their random draws.
 
-    python benchmarks/limits.py [--layout coordination_ring] [--partner human_bc] [--states 6000] [--json]
+    python benchmarks/accuracy_ceiling.py [--layout coordination_ring] [--partner human_bc] [--states 6000] [--json]
 
 --partner test: with the test partners of the predictors, each deciding and sampling.
 
