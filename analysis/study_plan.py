@@ -1,8 +1,10 @@
 """The design of a study for a power analysis, from a study file or from the export of a pilot."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import yaml
@@ -33,6 +35,7 @@ class StudyPlan:
     answer_sds: tuple[float, float] | None = None  # between and within people, of the primary test's question
     simulated: bool = False  # the variances come from simulated participants
     for_two: bool = False  # rounds are played by two people, and count for one of them
+    unequal: tuple[str, ...] = ()  # conditions with their quotas or weights, if these differ
 
 
 def plan_of_study_file(path: Path) -> StudyPlan:
@@ -47,6 +50,7 @@ def plan_of_study_file(path: Path) -> StudyPlan:
         cells = study.get("cells") or {}
         left_out, within = (tuple(map(str, cells.get(key) or ())) for key in ("without", "within"))
         repeat *= math.prod(factors[name] for name in within)  # each block has all rounds
+        unequal = _unequal(study.get("conditions") or ())
     except OSError as error:
         raise ValueError(
             f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."
@@ -59,8 +63,27 @@ def plan_of_study_file(path: Path) -> StudyPlan:
         raise ValueError(f"{path}: {error}. `kitchenmind study check {path}` names the line.") from None
     used = (len(declared.layouts) or layouts) * (len(declared.agents) or agents) * repeat if declared else 0
     return StudyPlan(
-        layouts * agents * repeat, 29, None, None, declared, used, factors, within, left_out, for_two=for_two
+        layouts * agents * repeat,
+        29,
+        declared=declared,
+        primary_episodes=used,
+        factors=factors,
+        within=within,
+        left_out=left_out,
+        for_two=for_two,
+        unequal=unequal,
     )
+
+
+def _unequal(conditions: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return the conditions of a study file with their quotas, or their weights where one has no quota; nothing if
+    these are equal."""
+    quotas = all(condition.get("quota") for condition in conditions)
+    sizes = {
+        str(condition["name"]): int((condition.get("quota") if quotas else condition.get("weight")) or 1)
+        for condition in conditions
+    }
+    return tuple(f"{name} {size}" for name, size in sizes.items()) if len(set(sizes.values())) > 1 else ()
 
 
 def plan_of_export(export: Export, declared: DeclaredTest | None = None) -> StudyPlan:

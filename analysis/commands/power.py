@@ -18,6 +18,11 @@ FOR_TWO = (
     "two people for each of them."
 )
 
+UNEQUAL = (
+    "The study gives its conditions unequal numbers of participants ({sizes}); these figures are for equal numbers. n1 "
+    "and n2 participants in two conditions have about the power of 2 * n1 * n2 / (n1 + n2) in each."
+)
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
@@ -89,6 +94,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(simulated_effect.VARIANCES)
     if plan.for_two:
         print(FOR_TWO)
+    if plan.unequal:
+        print(UNEQUAL.format(sizes=", ".join(plan.unequal)))
     for line in (
         *_factor_lines(design, plan, participants, arguments),
         *_primary_lines(design, plan, participants, arguments),

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import kitchenmind
-from analysis import simulated_effect
+from analysis import simulated_effect, study_plan
 from analysis.power import (
     SIZES,
     PowerDesign,
@@ -26,6 +26,7 @@ from analysis.power import (
     sizes_for,
     t_test_p,
 )
+from analysis.power import exact as exact_power
 from analysis.simulated_participants import LABEL
 from analysis.synthetic import Truth, write_export
 
@@ -216,6 +217,33 @@ def test_in_a_study_for_two_each_analysed_participant_takes_two_people(
         words = ["power", str(file), "--effect", "12", "--studies", "20", "--person-sd", "8", "--residual-sd", "14"]
         assert kitchenmind.main([*words, "--out", str(tmp_path / "out")]) == 0
         assert ("recruit two people for each of them" in capsys.readouterr().out) is is_said
+
+
+@pytest.mark.parametrize(
+    ("conditions", "sizes"),
+    [
+        ("[{name: none, weight: 2}, {name: tom}]", "none 2, tom 1"),
+        ("[{name: none, quota: 40}, {name: tom, quota: 20, weight: 5}]", "none 40, tom 20"),
+        ("[{name: none, quota: 40, weight: 2}, {name: tom, weight: 2}]", ""),
+        ("[{name: none}, {name: tom}]", ""),
+    ],
+)
+def test_unequal_conditions_are_named_with_the_number_that_counts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], conditions: str, sizes: str
+) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(f"layouts: [a, b]\nagents: [c]\nconditions: {conditions}\n")
+    words = ["power", str(file), "--effect", "12", "--studies", "20", "--person-sd", "8", "--residual-sd", "14"]
+    assert kitchenmind.main([*words, "--out", str(tmp_path / "out")]) == 0
+    assert ("unequal numbers" in capsys.readouterr().out) is bool(sizes)
+    assert study_plan.plan_of_study_file(file).unequal == tuple(sizes.split(", ") if sizes else ())
+
+
+def test_unequal_conditions_have_about_the_power_of_their_harmonic_mean() -> None:
+    generator = np.random.default_rng(4)
+    first, second = generator.normal(0.7, 1, (4000, 60)), generator.normal(0, 1, (4000, 20))
+    found = float((stats.ttest_ind(first, second, axis=1).pvalue < 0.05).mean())
+    assert found == pytest.approx(exact_power(PowerDesign(1.0, 0.0, 1), 0.7, 2 * 60 * 20 // 80), abs=0.03)
 
 
 def test_a_pilot_with_one_person_in_a_condition_needs_a_number(
