@@ -122,9 +122,12 @@ class Question(Struct, frozen=True):
 
 
 class Models(Protocol):
-    """Answer questions of many games at once, off the event loop. None: no answer by the deadline, or a failing
-    model."""
+    """The models of a server, which answer the questions of many games at once, outside the event loop."""
 
-    async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]: ...
+    async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]:
+        """Return a decision for each question. None: no answer by the deadline, or a failing model."""
+        ...
 
-    def forget(self, game: str) -> None: ...
+    def forget(self, game: str) -> None:
+        """Drop what is remembered about a game that is over."""
+        ...

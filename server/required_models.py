@@ -80,7 +80,8 @@ class RequiredModels:
         return f"the kitchen {layout} has no trained {kind} called {name!r}{f' ({fault})' if fault else ''}"
 
     def fingerprint(self, layout: str, model: str) -> str | None:
-        """Return the SHA-256 that identifies a model in the data, see `fingerprint`."""
+        """Return the SHA-256 that identifies a model in the data; None for one without files. A path in the
+        name counts from the folder of the study."""
         return fingerprint(layout, self.paths.located(layout, model), self.paths.folders)
 
 

@@ -30,7 +30,7 @@ _KEPT_TIMES = 2000
 
 @dataclass(frozen=True)
 class ModelStatistics:
-    """What happened since the start."""
+    """Counts of late, failed and restarted models since the start of the server, and times in ms."""
 
     restarts: int  # workers replaced
     late: int  # questions without an answer by their deadline (a worker that was too slow, or not there)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from server.bundle import texts
 from server.bundle.archive import BundleRefused, packed, unpacked
-from server.bundle.state import State, differences, outside_models, state_of
+from server.bundle.state import BundleState, differences, outside_models, state_of
 from server.participation.episode_specs import layout_of
 from server.settings import own_models_here
 from server.study.loader import StudyError, StudyFile, parse_study
@@ -52,7 +52,7 @@ def open_bundle(path: Path, allowed: Collection[str] = (), own_models: Path | No
     that of the settings. Raises BundleRefused, OSError."""
     content, manifest = unpacked(path)
     try:
-        wanted = State.of(manifest["state"])
+        wanted = BundleState.of(manifest["state"])
         is_known = manifest["format"] == FORMAT
         file = parse_study(content[STUDY], f"{path}: {STUDY}")
         file = replace(file, folder=path.absolute().parent, own_models=own_models or own_models_here())

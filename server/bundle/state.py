@@ -23,8 +23,9 @@ class StateError(ValueError):
 
 
 @dataclass(frozen=True)
-class State:
-    """SHA-256 by name. `models`: LAYOUT/MODEL; `code`: path in the repository."""
+class BundleState:
+    """The SHA-256 of everything that a study runs on, by name: grids by layout, weights by LAYOUT/MODEL, and files of
+    the code by path in the repository."""
 
     code_version: str
     layouts: Mapping[str, str]
@@ -32,7 +33,7 @@ class State:
     code: Mapping[str, str]
 
     @classmethod
-    def of(cls, manifest: Mapping[str, Any]) -> "State":
+    def of(cls, manifest: Mapping[str, Any]) -> "BundleState":
         """Read from a manifest. Raises KeyError, TypeError for an invalid one."""
         parts = {name: dict(manifest[name]) for name in ("layouts", "models", "code")}
         return cls(str(manifest["code_version"]), **parts)
@@ -43,7 +44,7 @@ class State:
         return {"code_version": self.code_version, **maps}
 
 
-def state_of(file: StudyFile) -> State:
+def state_of(file: StudyFile) -> BundleState:
     """Return the current state of this machine. Raises StateError for missing models, LayoutError, StudyError."""
     required = required_models([file])
     missing = [file.describe(problem) for problem in missing_problems(file, required)]
@@ -55,7 +56,7 @@ def state_of(file: StudyFile) -> State:
         f"{layout}/{model}": _model(required, layout, model)
         for layout, model in sorted({*required.agents, *required.predictors})
     }
-    return State(code_version(), dict(sorted(layouts.items())), models, dict(_code()))
+    return BundleState(code_version(), dict(sorted(layouts.items())), models, dict(_code()))
 
 
 def outside_models(file: StudyFile) -> list[str]:
@@ -65,7 +66,7 @@ def outside_models(file: StudyFile) -> list[str]:
     return sorted(model for model in models if ":" in model)
 
 
-def differences(wanted: State, here: State) -> list[str]:
+def differences(wanted: BundleState, here: BundleState) -> list[str]:
     """Return the differences from `wanted`, one sentence each; empty: everything is the same."""
     found = [f"the kitchen {name} is another one" for name in _unlike(wanted.layouts, here.layouts)]
     found += [f"the weights of {name} are others" for name in _unlike(wanted.models, here.models)]

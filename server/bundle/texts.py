@@ -10,7 +10,7 @@ from typing import Any
 from analysis.data_quality import RULES
 from analysis.groups import main_contrast
 from analysis.study import QUESTIONNAIRE_LAYOUTS
-from server.bundle.state import State
+from server.bundle.state import BundleState
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.definition import Study
 from server.study.factors import crossed
@@ -144,7 +144,7 @@ def planned_analysis(study: Study) -> dict[str, Any]:
     }
 
 
-def readme(study: Study, state: State, people: int) -> str:
+def readme(study: Study, state: BundleState, people: int) -> str:
     """Return README.md for a reviewer who knows neither the study nor this software."""
     models = "\n".join(f"| {name} | `{digest}` |" for name, digest in state.models.items())
     return _README.format(

@@ -238,7 +238,8 @@ def _excluded(episode: Any) -> Any:
 
 
 def attention_counts() -> tuple[Any, Any]:
-    """Return how many attention checks the participant answered, and how many wrongly."""
+    """Return two SQL expressions for a query of participants: how many attention checks each answered, and how many
+    wrongly."""
     a = answers.c
     checks = select(func.count()).where(a.participant_id == _p.id, a.attention.is_not(None))
     return checks.scalar_subquery(), checks.where(a.attention.is_(False)).scalar_subquery()
@@ -250,17 +251,17 @@ def has_misleading(chosen: Selection) -> bool:
 
 
 def misleading() -> Any:
-    """Return the condition of an episode that was made to mislead; older ones do not say."""
+    """Return the SQL condition that an episode was made to mislead. Older episodes do not say, so it does not hold."""
     return is_misleading() == true()
 
 
 def episode_ids(chosen: Selection) -> Iterator[str]:
-    """Return the episodes, in the order of their table."""
+    """Return the ids of the chosen episodes, in the order of the table of episodes."""
     return (row.id for row in chosen.rows(select(_e.id).order_by(*_EPISODE_ORDER), _e.study_id))
 
 
 def value_text(value: Any) -> tuple[str | None, str]:
-    """Return an answer as text, and what it was."""
+    """Return an answer as text, and its type: text, boolean, number, null (the text is None) or list."""
     if isinstance(value, str):
         return value, "text"
     if isinstance(value, bool):

@@ -59,8 +59,8 @@ def company(connection: Connection, studies: Studies, participant: Participant, 
 
 
 def expects_partner(connection: Connection, studies: Studies, participant: Participant, step: StudyStep) -> bool:
-    """Return whether the participant has no reason yet to expect an agent in this round: it is for two people, and
-    they played every one before with a person."""
+    """Return whether the participant may still expect a person in this round: it is for two people, and no round
+    before it was continued with an agent."""
     if not is_for_two(studies.of(participant), step):
         return False
     alone = events.of_participant(connection, participant.id, ALONE)

@@ -90,9 +90,11 @@ class Group:
     simulated: bool = False
 
     def members(self) -> ColumnElement[bool]:
+        """Return the SQL condition for a row of `participants`."""
         return and_(_p.study_id.in_(self.study_ids), _p.simulated == self.simulated)
 
     def withdrawn(self) -> ColumnElement[bool]:
+        """Return the SQL condition for a row of `withdrawals`."""
         was_bot = func.coalesce(withdrawals.c.simulated, false()) == self.simulated  # of earlier versions: not known
         return and_(withdrawals.c.study_id.in_(self.study_ids), was_bot)
 
