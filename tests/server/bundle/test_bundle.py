@@ -157,8 +157,8 @@ def test_other_code_kitchens_or_weights_are_refused_and_named(bundle: Path, tmp_
 
 
 def test_a_file_that_came_later_is_other_code_too() -> None:
-    here = state.State("1", {}, {}, {"a.py": "x", "b.py": "y"})
-    assert state.differences(state.State("1", {}, {}, {"a.py": "x"}), here) == [
+    here = state.BundleState("1", {}, {}, {"a.py": "x", "b.py": "y"})
+    assert state.differences(state.BundleState("1", {}, {}, {"a.py": "x"}), here) == [
         "the code differs in b.py (made with 1, this is 1)"
     ]
     assert state.differences(here, here) == []
