@@ -234,7 +234,8 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     model = mixed_model.fit(episodes, MEASURE, export.conditions)
     variance = model.variance
     if variance is None:
-        raise ValueError(f"{folder} does not show how reward varies: its mixed model {model.rows[0].note}.")
+        reason = f"{folder} does not show how reward varies: its mixed model {model.rows[0].note}"
+        raise ValueError(f"{reason}. Give both --person-sd and --residual-sd with a study file.")
     within = within_of(export)
     factors = repeated_factors(export) if within else levels_in(export)
     plan = StudyPlan(

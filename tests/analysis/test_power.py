@@ -218,6 +218,15 @@ def test_in_a_study_for_two_each_analysed_participant_takes_two_people(
         assert ("recruit two people for each of them" in capsys.readouterr().out) is is_said
 
 
+def test_a_pilot_of_one_episode_a_person_says_what_can_be_given_instead(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = Truth(participants=8, conditions=("none", "tom"), layouts=("matrix",), agents=("sp",), timesteps=3)
+    write_export(truth, tmp_path)
+    assert kitchenmind.main(["power", str(tmp_path), "--effect", "5", "--out", str(tmp_path / "out")]) == 2
+    assert "Give both --person-sd and --residual-sd with a study file." in capsys.readouterr().err
+
+
 def test_a_pilot_with_one_person_in_a_condition_needs_a_number(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
