@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from analysis.declared import DeclaredTest
     from analysis.power import PowerDesign
 
+INSTEAD = "Give both --person-sd and --residual-sd with a study file."
 FOR_TWO = (
     "These are participants who are analysed. A round of two people counts for the one who is not watched, so recruit "
     "two people for each of them."
@@ -234,8 +235,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     model = mixed_model.fit(episodes, MEASURE, export.conditions)
     variance = model.variance
     if variance is None:
-        reason = f"{folder} does not show how reward varies: its mixed model {model.rows[0].note}"
-        raise ValueError(f"{reason}. Give both --person-sd and --residual-sd with a study file.")
+        raise ValueError(f"{folder} does not show how reward varies: its mixed model {model.rows[0].note}. {INSTEAD}")
     within = within_of(export)
     factors = repeated_factors(export) if within else levels_in(export)
     plan = StudyPlan(
