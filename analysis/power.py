@@ -165,8 +165,9 @@ def sentence(design: PowerDesign, points: Sequence[Power], effect: float, partic
         if needed is not None
         else f"{100 * WANTED:.0f} % are not reached with {MOST:,} participants in each condition."
     )
+    episodes = f"{design.episodes} episode{'' if design.episodes == 1 else 's'} a participant"
     return (
-        f"Power was simulated on the nested design ({point.studies} studies; {design.episodes} episodes a participant, "
+        f"Power was simulated on the nested design ({point.studies} studies; {episodes}, "
         f"standard deviation {design.person_sd:.1f} points between and {design.residual_sd:.1f} within participants): "
         f"with {participants} participants in each condition, a true difference of {effect:g} points is found with a "
         f"probability of {100 * point.people:.0f} % (t-test over participants, two-sided, alpha = {design.alpha:g}); "

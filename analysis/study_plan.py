@@ -94,8 +94,8 @@ def plan_of_export(export: Export, declared: DeclaredTest | None = None) -> Stud
     variance = model.variance
     if variance is None:
         raise ValueError(
-            f"{export.folder} does not show how reward varies: its mixed model {model.rows[0].note}. Give "
-            "--person-sd and --residual-sd."
+            f"{export.folder} does not show how reward varies: its mixed model {model.rows[0].note}. Give both "
+            "--person-sd and --residual-sd with a study file."
         )
     plan = _plan_of(export, episodes, variance, declared or declaration_of(export).primary)
     if plan.declared is None:

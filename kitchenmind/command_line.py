@@ -7,6 +7,7 @@ import os
 import select
 import sys
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
 
 from kitchenmind import extras
 from kitchenmind.argument_parser import ExactArgumentParser
@@ -75,9 +76,18 @@ def _is_unread() -> bool:
     return True
 
 
+def _version() -> str:
+    try:
+        return f"kitchenmind {version('kitchenmind')}"
+    except PackageNotFoundError:  # run by its path, `python PATH/kitchenmind`, and not installed
+        return "kitchenmind, not installed"
+
+
 def _run(words: list[str]) -> int:
     verb = words[0] if words else None
     parser = ExactArgumentParser(prog="kitchenmind", description=__doc__ if verb is None else None)
+    if verb not in VERBS:
+        parser.add_argument("--version", action="version", version=_version(), help="show the version and exit")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for name, (_, purpose) in VERBS.items():
         verbs.add_parser(name, help=purpose, description=purpose, add_help=name == verb)

@@ -5,7 +5,7 @@ from server.prediction_warnings import is_for_grid
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels
 from server.study.checks import Path
 from server.study.definition import PartnerSettings, Study
-from server.study.quick_fixes import QuickFix, leave_out, write
+from server.study.quick_fixes import QuickFix, leave_in, leave_out, write
 
 _SCRIPTED = PartnerSettings(name="planner", predictor="random")
 
@@ -22,14 +22,15 @@ def trained_names(layout: str, required: RequiredModels, predictors: bool) -> li
 
 
 def model_fix(study: Study, place: Path, required: RequiredModels) -> QuickFix | None:
-    """Offer scripted models in place of a missing one, if no kitchen of the study has trained ones. None where the
-    study needs a trained predictor, or where the place is not an agent of the rounds."""
-    kitchens = [kitchen.name for kitchen in study.layouts]
-    has_trained = any(trained_names(name, required, predictors) for name in kitchens for predictors in (False, True))
-    if place[0] != "agents" or has_trained or _needs_predictor(study):
+    """Offer to play in the kitchens without trained models only, and there scripted models in place of a missing one.
+    None where the study needs a trained predictor, or where the place is not an agent of the rounds."""
+    if place[0] != "agents" or _needs_predictor(study):
         return None
     index = int(place[1])
     agent = study.agents[index]
+    new = [number for number, kitchen in enumerate(study.layouts) if not _has_trained(kitchen.name, required)]
+    if len(new) < len(study.layouts):
+        return _new_kitchens_only(study, agent, new, required)
     if place[-1] == "predictor":
         return write("Use random predictions", ("agents", index, "predictor"), "random")
     if is_from_outside(agent):
@@ -38,6 +39,21 @@ def model_fix(study: Study, place: Path, required: RequiredModels) -> QuickFix |
         return leave_out(f"Leave {agent.name} out", ("agents", index))
     chosen = _SCRIPTED.model_dump(exclude_unset=True)
     return write(f"Use the {_SCRIPTED.name} with random predictions", ("agents", index), chosen)
+
+
+def _has_trained(kitchen: str, required: RequiredModels) -> bool:
+    return any(trained_names(kitchen, required, predictors) for predictors in (False, True))
+
+
+def _new_kitchens_only(
+    study: Study, agent: PartnerSettings, new: list[int], required: RequiredModels
+) -> QuickFix | None:
+    """Offer to leave the template's kitchens out, if the agent is missing only in kitchens that are new."""
+    names = [kitchen.name for kitchen in study.layouts]
+    lacking = [number for number, name in enumerate(names) if required.lacks(name, agent.catalogue_name)]
+    if not lacking or lacking != new:
+        return None
+    return leave_in(f"Play only in {' and '.join(names[number] for number in new)}", ("layouts",), new)
 
 
 def comes_with_its_agent(agent: PartnerSettings) -> bool:

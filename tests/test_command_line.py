@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -24,6 +25,13 @@ def test_help_names_every_verb_and_imports_nothing_heavy() -> None:
     shown, _, loaded = done.stdout.rpartition("['")
     assert set(re.findall(r"^    (\w+)\b", shown, re.MULTILINE)) == set(kitchenmind.VERBS)
     assert not [name for name in ("numpy", "numba", "torch", "fastapi", "sqlalchemy") if f"'{name}'" in loaded]
+
+
+def test_the_version_is_that_of_the_installed_package(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as leaving:
+        kitchenmind.main(["--version"])
+    assert leaving.value.code == 0
+    assert capsys.readouterr().out == f"kitchenmind {version('kitchenmind')}\n"
 
 
 def test_a_command_leaves_its_objects_out_of_the_last_collection() -> None:

@@ -28,8 +28,9 @@ def command_line() -> str:
 
 HEAD: Final = """# Command line
 
-Every command of `kitchenmind`. `kitchenmind COMMAND --help` says the same. The exit status is 0 if all went well, 1 if
-something failed, 2 for wrong input, and 130 after Ctrl+C. Write options in full.
+Every command of `kitchenmind`. `kitchenmind COMMAND --help` says the same,
+`kitchenmind --version` shows the version. The exit status is 0 if all went well, 1 if something failed, 2 for wrong
+input, and 130 after Ctrl+C. Write options in full.
 
 For a server that runs with `kitchenmind serve --data DIR`, give other commands the same `--data DIR`: they use the same
 database, kitchens and trained models. `--database URL` names only a database; with both, the database is at URL.

@@ -92,7 +92,8 @@ class Conformance(CheckedSockets):
         async with httpx.AsyncClient(base_url=self.url, timeout=self.within_s) as http:
             answer = await http.get(self.client.now, headers={"Accept": "text/html"})
         there = httpx.URL(answer.headers.get("location", "")).path
-        require((answer.status_code, there) == (303, f"/s/{self.study}"), f"it answered {answer.status_code} {there}")
+        consent = f"{httpx.URL(self.url).path.rstrip('/')}/s/{self.study}"  # the server may be below a path
+        require((answer.status_code, there) == (303, consent), f"it answered {answer.status_code} {there}")
 
     async def no_game_without_cookie(self) -> None:
         """the game's socket refuses a handshake without a cookie with 403"""

@@ -42,8 +42,8 @@ def _placed(error: StudyError) -> tuple[PlacedProblem, ...]:
 
 
 def changed(text: str, operation: Any) -> str:
-    """Apply a change from the form: {"do": "put", "path": [...], "value": ...}, or remove, insert, move, rename. A
-    value of null removes the key.
+    """Apply a change from the form: {"do": "put", "path": [...], "value": ...}, or remove, keep, insert, move, rename.
+    A value of null removes the key; `keep` leaves only these items of a list.
 
     Raises StudyError for a text that cannot be read, YamlEditError for a change that cannot be made.
     """
@@ -58,6 +58,8 @@ def changed(text: str, operation: Any) -> str:
                 return yaml_edit.put(text, path, operation["value"], plain=operation.get("plain") is True)
             case "remove":
                 return yaml_edit.remove(text, path)
+            case "keep":
+                return yaml_edit.keep(text, path, [int(index) for index in operation["items"]])
             case "insert":
                 return yaml_edit.insert(text, path, int(operation["index"]), operation["value"])
             case "move":

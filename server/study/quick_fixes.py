@@ -25,6 +25,11 @@ def leave_out(label: str, path: _Path) -> QuickFix:
     return QuickFix(label, {"do": "remove", "path": list(path)})
 
 
+def leave_in(label: str, path: _Path, items: Sequence[int]) -> QuickFix:
+    """Remove the other items of a list."""
+    return QuickFix(label, {"do": "keep", "path": list(path), "items": list(items)})
+
+
 def insert(label: str, path: _Path, index: int, value: Any) -> QuickFix:
     """Put an item into a list, before the item `index`."""
     return QuickFix(label, {"do": "insert", "path": list(path), "index": index, "value": value})

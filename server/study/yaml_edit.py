@@ -5,6 +5,7 @@ comments, but not every space and line break. After each change the text is read
 change asked for, so that a change is either exact or refused.
 """
 
+from collections.abc import Collection
 from typing import Any
 
 import yaml
@@ -88,6 +89,17 @@ def remove(text: str, path: Path) -> str:
     else:
         made = _without_lines(text, places, index)
     return _checked(root, made, lambda old: yaml_values.removed(old, path))
+
+
+def keep(text: str, path: Path, items: Collection[int]) -> str:
+    """Remove the other items of a list; those that stay keep their words, comments and order."""
+    node = _at(_compose(text), path)
+    if not isinstance(node, yaml.SequenceNode):
+        raise YamlEditError("this is not a list. Change it in the YAML.")
+    count = len(node.value)
+    for index in sorted(set(range(count)) - set(items), reverse=True):
+        text = remove(text, (*path, index))
+    return text
 
 
 def insert(text: str, path: Path, index: int, value: Any) -> str:

@@ -246,6 +246,15 @@ def test_unequal_conditions_have_about_the_power_of_their_harmonic_mean() -> Non
     assert found == pytest.approx(exact_power(PowerDesign(1.0, 0.0, 1), 0.7, 2 * 60 * 20 // 80), abs=0.03)
 
 
+def test_a_pilot_of_one_episode_a_person_says_what_can_be_given_instead(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = Truth(participants=8, conditions=("none", "tom"), layouts=("matrix",), agents=("sp",), timesteps=3)
+    write_export(truth, tmp_path)
+    assert kitchenmind.main(["power", str(tmp_path), "--effect", "5", "--out", str(tmp_path / "out")]) == 2
+    assert "Give both --person-sd and --residual-sd with a study file." in capsys.readouterr().err
+
+
 def test_a_pilot_with_one_person_in_a_condition_needs_a_number(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -207,7 +207,7 @@ def test_a_kitchen_is_drawn_by_keyboard_inside_the_form(new_page: NewPage, serve
     assert "name: nook" in stored(server, draft)
     page.get_by_role("button", name="Add to layouts").click()
     at(page, "layouts", 2).get_by_role("button", name="nook", exact=True).click()
-    expect(at(page, "layouts", 2, "name").locator("input")).to_have_value("nook")
+    expect(at(page, "layouts", 2, "title").locator("input").last).to_have_value("nook")
     page.get_by_role("button", name="Remove Layouts 3").click()
     expect(at(page, "layouts", 2)).to_have_count(0)
     page.get_by_role("button", name="Add to agents").click()

@@ -1,8 +1,10 @@
 """`kitchenmind conformance`: a real server passes every check, and one that misbehaves in one point fails that one."""
 
+import asyncio
 import json
 import re
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -14,6 +16,7 @@ from server.play.session import Session
 from server.web import protocol_document
 from server.web.participant import socket_input
 from tests.support import command_line
+from tests.support.guide_machine import free_port
 from tests.support.live_server import LiveServer
 
 
@@ -28,6 +31,13 @@ def test_a_server_passes_every_check(live: LiveServer) -> None:
     assert "FAILED" not in done.stdout, done.stdout
     assert done.stdout.splitlines()[-1] == "16 of 16 checks passed"
     assert done.returncode == 0, done.stderr
+
+
+def test_a_server_behind_a_path_leads_to_its_consent_page_there(tmp_path: Path) -> None:
+    port = free_port()
+    with LiveServer(tmp_path, speed=5.0, port=port, public_url=f"http://127.0.0.1:{port}/kitchen"):
+        check = Conformance(f"http://127.0.0.1:{port}/kitchen", "short").no_step_without_consent
+        asyncio.run(check())
 
 
 def forgets_the_schema(patch: pytest.MonkeyPatch) -> None:

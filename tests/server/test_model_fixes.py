@@ -33,6 +33,17 @@ def wrong(text: str) -> list[PlacedProblem]:
     return [problem for problem in found if not problem.warning]
 
 
+def fixed(text: str) -> list[str]:
+    """Press the first button until none is offered; return their words."""
+    clicked = []
+    while problems := [problem for problem in wrong(text) if problem.fix is not None]:
+        assert problems[0].fix is not None
+        clicked.append(problems[0].fix.label)
+        text = changed(text, dict(problems[0].fix.operation))
+        assert len(clicked) < 10, clicked
+    return clicked
+
+
 def test_an_agent_that_was_never_trained_and_its_predictor_are_one_problem() -> None:
     (problem,) = wrong(QUICK)
     assert "the kitchen nook has no trained agent called 'sp_strong'" in problem.text
@@ -68,13 +79,34 @@ def test_a_predictor_that_the_study_names_is_a_problem_of_its_own() -> None:
     ],
 )
 def test_scripted_models_make_a_study_in_a_new_kitchen_playable(text: str, labels: list[str]) -> None:
-    clicked = []
-    while problems := [problem for problem in wrong(text) if problem.fix is not None]:
-        assert problems[0].fix is not None
-        clicked.append(problems[0].fix.label)
-        text = changed(text, dict(problems[0].fix.operation))
-        assert len(clicked) < 10, clicked
+    assert fixed(text) == labels
+
+
+@pytest.mark.parametrize(
+    ("name", "labels"),
+    [
+        ("quick_look", ["Play only in nook", "Use the planner with random predictions"]),
+        (
+            "external_predictor",
+            [
+                "Play only in nook",
+                "Leave these breaks out",
+                "Use the planner with random predictions",
+                "Leave fcp out",
+                "Use latin_square",
+            ],
+        ),
+    ],
+)
+def test_a_new_kitchen_next_to_those_of_a_template_can_take_their_place(name: str, labels: list[str]) -> None:
+    text = (STUDIES / f"{name}.yaml").read_text(encoding="utf-8")
+    clicked = fixed(re.sub(r"(?m)^layouts:\n", KITCHEN, text))
     assert clicked == labels
+
+
+def test_a_new_kitchen_does_not_replace_those_in_which_the_agent_is_missing_too() -> None:
+    text = (STUDIES / "quick_look.yaml").read_text(encoding="utf-8").replace("{name: sp_strong}", "{name: nobody}")
+    assert [problem.fix for problem in wrong(re.sub(r"(?m)^layouts:\n", KITCHEN, text))] == [None, None]
 
 
 @pytest.mark.parametrize(

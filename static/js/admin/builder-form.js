@@ -4,7 +4,7 @@ import { root } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
 import { fieldOf, helpOf, keyOf, show } from './builder-fields.js';
 import { listOf, mapOf } from './builder-items.js';
-import { drawButton, isKitchen } from './builder-kitchens.js';
+import { drawButton, isKitchen, titleFor } from './builder-kitchens.js';
 import { offersOf } from './builder-offers.js';
 import { openAfter } from './builder-open-blocks.js';
 import { placeForModels, showOwnModels } from './builder-own-models.js';
@@ -171,10 +171,22 @@ export class DraftForm {
       suggestions: (path) => this.on.suggestions(path, this.values),
       markdown: (words) => this.on.markdown(words),
     });
-    const choose = (/** @type {string} */ value) => this.on.change({ do: 'put', path: node.path, value });
-    const offered = placeForModels(node.path) ?? offersOf(node.path, this.on.offers, choose);
-    if (offered) field.append(offered);
+    const offers = offersOf(node.path, this.on.offers, (value) => this.choose(node.path, value));
+    field.append(...[placeForModels(node.path) ?? offers].filter((one) => one !== null));
     return field;
+  }
+
+  /**
+   * Write a name that was offered. A kitchen without a title is called by it, as one that is drawn from here.
+   * @param {(string | number)[]} path
+   * @param {string} value
+   */
+  choose(path, value) {
+    this.on.change({ do: 'put', path, value });
+    const block = path.slice(0, -1);
+    const title = isKitchen(block) ? this.valueAt(block)?.title : undefined;
+    if (!title || typeof title !== 'object' || Object.values(title).some(Boolean)) return;
+    this.on.change({ do: 'put', path: [...block, 'title'], value: titleFor(value, this.languages) });
   }
 
   /** @param {(string | number)[]} path */

@@ -13,6 +13,15 @@ export function isKitchen(path) {
 }
 
 /**
+ * The first title of a kitchen: its name, in every language.
+ * @param {string} name
+ * @param {string[]} languages
+ */
+export function titleFor(name, languages) {
+  return Object.fromEntries(languages.map((language) => [language, name]));
+}
+
+/**
  * @param {string} words
  * @param {string} control
  * @param {() => void} open

@@ -5,7 +5,7 @@
 /** @typedef {(string | number)[]} Path */
 /** @typedef {{ do: 'put', path: Path, value: any, plain?: boolean } | { do: 'remove', path: Path }
  *   | { do: 'insert', path: Path, index: number, value: any } | { do: 'move', path: Path, index: number, to: number }
- *   | { do: 'rename', path: Path, key: string }} Operation */
+ *   | { do: 'rename', path: Path, key: string } | { do: 'keep', path: Path, items: number[] }} Operation */
 
 const LOOK_AFTER_MS = 250; // of no typing in the YAML
 const RETRY_MS = 1500;

@@ -5,7 +5,7 @@ import { jsonBlock } from '../browser/texts.js';
 import { askForText } from './builder-conflict.js';
 import { keyOf } from './builder-fields.js';
 import { DraftForm } from './builder-form.js';
-import { KitchenDialog } from './builder-kitchens.js';
+import { KitchenDialog, titleFor } from './builder-kitchens.js';
 import { leadTo, quickFixButton } from './builder-problems.js';
 import { DraftRequests } from './builder-requests.js';
 import { DraftSaving, SAVING } from './builder-saving.js';
@@ -99,7 +99,7 @@ const kitchens = new KitchenDialog(about.kitchens, about.known.layouts);
  */
 function useKitchen(path, kitchen, name) {
   if (kitchen === undefined) {
-    const value = { name, title: Object.fromEntries(form.languages.map((language) => [language, name])) };
+    const value = { name, title: titleFor(name, form.languages) };
     const list = form.valueAt(path);
     form.focusNext = keyOf([...path, list?.length ?? 0]);
     if (Array.isArray(list)) change({ do: 'insert', path, index: list.length, value });

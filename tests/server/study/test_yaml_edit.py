@@ -10,7 +10,7 @@ import pytest
 
 from server.study import yaml_values
 from server.study.loader import values_of
-from server.study.yaml_edit import YamlEditError, insert, move, put, remove, rename
+from server.study.yaml_edit import YamlEditError, insert, keep, move, put, remove, rename
 
 ROOT = Path(__file__).parents[3]
 FILES = sorted([*(ROOT / "studies").glob("*.yaml"), *(ROOT / "tests" / "data").glob("*.yaml")])
@@ -150,6 +150,15 @@ def test_an_item_is_added_to_an_empty_list_and_removed_again() -> None:
     added = insert(text, ("a",), 0, {"name": "x", "text": "two\nlines"})
     assert values_of(added) == {"a": [{"name": "x", "text": "two\nlines"}], "b": "1"}
     assert remove(added, ("a", 0)) == text
+
+
+def test_items_that_are_kept_keep_their_comments() -> None:
+    kept = keep(SMALL, ("conditions",), [1])
+    assert values_of(kept)["conditions"] == [{"name": "tom", "predictor": "tom"}]
+    assert "  # the second\n  - name: tom\n    predictor: tom   # shown\n" in kept
+    assert "predictor: none" not in kept
+    with pytest.raises(YamlEditError):
+        keep(SMALL, ("title",), [0])
 
 
 def test_what_stands_at_another_place_is_not_changed_through_an_alias() -> None:
