@@ -4,6 +4,7 @@ ignored the rules in its file would invalidate a study.
 """
 
 import ast
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,9 @@ def _dictionary(text: str, source: str) -> dict[Any, Any]:
         if not isinstance(tree, ast.Dict) or not isinstance(settings, dict):
             raise ValueError("no dictionary")
     except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError) as error:
+        if computed := re.search(r"malformed node or string on line (\d+)", str(error)):
+            reason = "something is computed in the dictionary, and files are never executed"
+            raise LayoutError(source, reason, "Write the value itself.", int(computed[1])) from None
         reason, row = f"this is not a readable dictionary ({error})", getattr(error, "lineno", None)
         raise LayoutError(source, reason, "Check quotes, commas and brackets.", row) from None
     if len(settings) != len(tree.keys):

@@ -92,7 +92,7 @@ def test_dictionary_of_overcooked_ai_is_the_same_kitchen(settings: str) -> None:
         ('"start_all_orders": [{"ingredients": ["tomato"]}]', "only the order of three onions"),
         ('"start_all_orders": [{"ingredients": ["onion", "onion"]}]', "only the order of three onions"),
         ('"onion_value": 7', "onion_value = 7 is not supported"),
-        ('"cook_time": open("x")', "not a readable dictionary"),
+        ('"cook_time": open("x")', "row 5: something is computed"),
         ('"cook_time": }', "not a readable dictionary"),
         ('"recipe_times": [5]', "recipe_times = [5] is not supported"),
         ('"recipe_values": [3]', "recipe_values = [3] is not supported"),
