@@ -44,6 +44,11 @@ class Journal:
     )  # faults caused on purpose: reload, second_tab, half_open
     code: str | None = None
 
+    @property
+    def rounds_played(self) -> int:
+        """Return how many rounds ended; the practice is none."""
+        return sum(self.games[episode].kind == "episode" for episode in self.ended)
+
 
 class GameDropped(Exception):
     """The participant closed the browser in the middle of a game."""

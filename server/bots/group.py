@@ -129,8 +129,8 @@ def check_outcome(bots: Sequence[Bot], database: Database | None, study: Study |
         outcome.started += bool(bot.token)
         outcome.completed += bot.journal.code is not None
         outcome.dropped += bool(bot.token) and bot.journal.code is None
-        games, ended = bot.journal.games, bot.journal.ended
-        outcome.episodes += sum(games[episode].kind == "episode" for episode in ended)
+        games = bot.journal.games
+        outcome.episodes += bot.journal.rounds_played
         outcome.late_timesteps += sum(games[episode].kind == "episode" for episode, _ in bot.journal.unanswered)
         outcome.violations += invariants.broken_in_journal(bot.journal, study.blocks if study else 1)
     outcome.violations += invariants.broken_codes(journals)

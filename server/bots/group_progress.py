@@ -27,9 +27,9 @@ class GroupProgress:
     @property
     def line(self) -> str:
         """The progress as one line."""
-        games = sum(len(bot.journal.ended) for bot in self.bots)
+        rounds = sum(bot.journal.rounds_played for bot in self.bots)
         problems = sum(len(bot.journal.violations) for bot in self.bots)
-        words = f"{games} game{'s' * (games != 1)} played, {problems} problem{'s' * (problems != 1)}"
+        words = f"{rounds} round{'s' * (rounds != 1)} played, {problems} problem{'s' * (problems != 1)}"
         return f"{self.finished} of {self.number} participants finished, {words}"
 
 

@@ -5,12 +5,13 @@ import asyncio
 import io
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from server.bots import group as group_module
 from server.bots import group_progress
+from server.bots.game_client import Journal
 from server.bots.group import BotGroup
 from server.commands.bots import _simulated
 
@@ -20,8 +21,8 @@ class FakeTerminal(io.StringIO):
         return True
 
 
-def bot(games: int, problems: int) -> Any:
-    return SimpleNamespace(journal=SimpleNamespace(ended=dict.fromkeys(range(games)), violations=["x"] * problems))
+def bot(rounds: int, problems: int) -> Any:
+    return SimpleNamespace(journal=SimpleNamespace(rounds_played=rounds, violations=["x"] * problems))
 
 
 async def walk_slowly(
@@ -48,13 +49,19 @@ def printed(monkeypatch: pytest.MonkeyPatch, out: io.StringIO) -> str:
     return out.getvalue()
 
 
-def test_a_log_gets_plain_lines_with_participants_games_and_problems(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_gets_plain_lines_with_participants_rounds_and_problems(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = printed(monkeypatch, io.StringIO()).split("\n")
-    assert set(lines) == {"1 of 2 participants finished, 4 games played, 1 problem", ""}
+    assert set(lines) == {"1 of 2 participants finished, 4 rounds played, 1 problem", ""}
     assert len(lines) > 2
+
+
+def test_the_practice_is_not_a_round() -> None:
+    games = {name: SimpleNamespace(kind=kind) for name, kind in (("a", "tutorial"), ("b", "episode"), ("c", "episode"))}
+    journal = Journal(games=cast(Any, games), ended={"a": {}, "b": {}})
+    assert journal.rounds_played == 1
 
 
 def test_a_terminal_shows_the_progress_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = printed(monkeypatch, FakeTerminal())
-    assert set(shown.rstrip("\n").split("\r")) == {"1 of 2 participants finished, 4 games played, 1 problem", ""}
+    assert set(shown.rstrip("\n").split("\r")) == {"1 of 2 participants finished, 4 rounds played, 1 problem", ""}
     assert shown.count("\n") == 1
