@@ -1,7 +1,7 @@
 """Changes that the study builder offers where a kitchen has no trained models: scripted ones that play everywhere."""
 
 from models.agents.blackbox import is_foreign
-from server.prediction_warnings import is_for_grid
+from server.prediction_warnings import is_for_grid, partner_at
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels
 from server.study.checks import Path
 from server.study.definition import PartnerSettings, Study
@@ -24,21 +24,22 @@ def trained_names(layout: str, required: RequiredModels, predictors: bool) -> li
 def model_fix(study: Study, place: Path, required: RequiredModels) -> QuickFix | None:
     """Offer to play in the kitchens without trained models only, and there scripted models in place of a missing one.
     None where the study needs a trained predictor, or where the place is not an agent of the rounds."""
-    if place[0] != "agents" or _needs_predictor(study):
+    if place[0] not in ("agents", "waiting_room") or _needs_predictor(study):
         return None
-    index = int(place[1])
-    agent = study.agents[index]
+    where, agent = place[:2], partner_at(study, place)
     new = [number for number, kitchen in enumerate(study.layouts) if not _has_trained(kitchen.name, required)]
     if len(new) < len(study.layouts):
         return _new_kitchens_only(study, agent, new, required)
     if place[-1] == "predictor":
-        return write("Use random predictions", ("agents", index, "predictor"), "random")
+        return write("Use random predictions", (*where, "predictor"), "random")
     if is_from_outside(agent):
         return None  # the path or the address is to be corrected
-    if any(other.name == _SCRIPTED.name for other in study.agents if other is not agent):
-        return leave_out(f"Leave {agent.name} out", ("agents", index))
     chosen = _SCRIPTED.model_dump(exclude_unset=True)
-    return write(f"Use the {_SCRIPTED.name} with random predictions", ("agents", index), chosen)
+    if place[0] == "waiting_room":
+        return write(f"Let the {_SCRIPTED.name} stand in for a missing partner", where, chosen)
+    if any(other.name == _SCRIPTED.name for other in study.agents if other is not agent):
+        return leave_out(f"Leave {agent.name} out", where)
+    return write(f"Use the {_SCRIPTED.name} with random predictions", where, chosen)
 
 
 def _has_trained(kitchen: str, required: RequiredModels) -> bool:

@@ -66,7 +66,7 @@ def test_a_predictor_that_the_study_names_is_a_problem_of_its_own() -> None:
     [
         (QUICK, ["Use the planner with random predictions"]),
         (QUICK.replace("{name: sp_strong}", "{name: planner}"), ["Use random predictions"]),
-        (in_own_kitchen("two_people"), ["Use random predictions"]),
+        (in_own_kitchen("two_people"), ["Use random predictions", "Let the planner stand in for a missing partner"]),
         (
             PAPER,
             [
@@ -86,6 +86,10 @@ def test_scripted_models_make_a_study_in_a_new_kitchen_playable(text: str, label
     ("name", "labels"),
     [
         ("quick_look", ["Play only in nook", "Use the planner with random predictions"]),
+        (
+            "two_people",
+            ["Play only in nook", "Use random predictions", "Let the planner stand in for a missing partner"],
+        ),
         (
             "external_predictor",
             [
