@@ -27,7 +27,7 @@ from overcooked.layout import Layout, load_layout  # noqa: E402
 from training.agent_config import agent_config, network_config  # noqa: E402
 from training.compute import request  # noqa: E402
 from training.dataset import Episodes  # noqa: E402
-from training.fast_path import choose_compute  # noqa: E402
+from training.fast_networks import choose_compute  # noqa: E402
 from training.ppo import PpoTrainer  # noqa: E402
 from training.predictor_config import TrainingConfig  # noqa: E402
 from training.train_predictor import PredictorTrainer as PredictorTrainer  # noqa: E402

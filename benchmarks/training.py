@@ -30,7 +30,7 @@ from benchmarks.processor import described  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 from training.agent_config import AgentConfig, agent_config, network_config  # noqa: E402
 from training.compute import request  # noqa: E402
-from training.fast_path import choose_compute  # noqa: E402
+from training.fast_networks import choose_compute  # noqa: E402
 from training.ppo import PpoTrainer  # noqa: E402
 
 LAYOUT = "coordination_ring"

@@ -185,7 +185,7 @@ def _studies(settings: Settings) -> Iterator[HealthFinding]:
             file = load_with_kitchens(path, grids, settings.models_folder, settings.own_models)
             problems = [(problem.warning, file.describe(problem)) for problem in stage_problems(file)]
             if settings.redis is not None:
-                from server.cluster.node import refuse_pairs
+                from server.cluster.game_owner import refuse_pairs
 
                 refuse_pairs([file])
         except StudyError as error:

@@ -20,7 +20,7 @@ from models.inference.launch import Launched
 from models.inference.runner import ModelServer
 from server import warm_up
 from server.background_tasks import ended
-from server.cluster.dispatch import ClusterControl
+from server.cluster.command_dispatch import ClusterControl
 from server.monitoring.alerts import Alert, Alerts, message_of
 from server.monitoring.control import Control
 from server.monitoring.dashboard import Dashboard
@@ -31,10 +31,10 @@ from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
 from server.monitoring.report_making import StudyReports
 from server.monitoring.temporary_folders import remove_abandoned
+from server.participation.game_seats import ConnectedPlayer, Seating
 from server.participation.kitchen_files import write_kitchens
 from server.participation.language_folder import LanguageFolder
 from server.participation.preview_models import PreviewModels
-from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
 from server.participation.study_versions import StudyVersions
 from server.participation.waiting_room import WaitingRoom
@@ -58,18 +58,18 @@ from server.web.auth import CsrfProtection, token_of
 from server.web.dependencies import Web, games_first, plain_address, templates
 from server.web.error_pages import install_error_pages
 from server.web.guess_limits import Hashing
+from server.web.head_and_redirects import Boundary
 from server.web.health import Commits, metrics_of
 from server.web.participant import exits, game_socket, study_pages, watch_agents
 from server.web.participant.game_socket import Sockets
 from server.web.participant.watch_agents import Demonstrations
 from server.web.public_path import PublicPath
 from server.web.rate_limits import EnrolmentLimits, Rates, rate_limit
-from server.web.request_boundary import Boundary
 from server.web.security_headers import SecurityHeaders
 from server.web.services import Services
 
 if TYPE_CHECKING:
-    from server.cluster.node import ClusterNode
+    from server.cluster.game_owner import ClusterNode
     from server.monitoring.webhook import Webhook
 
 log = logging.getLogger(__name__)
@@ -228,7 +228,7 @@ def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | No
 
 async def _node(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> "ClusterNode":
     """Start this process as one of several. Raises StudyError, ClusterDown, DatabaseDown."""
-    from server.cluster.node import ClusterNode, refuse_pairs
+    from server.cluster.game_owner import ClusterNode, refuse_pairs
     from server.cluster.registry import Cluster
     from server.store.fences import FencedRecorder
 

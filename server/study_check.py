@@ -9,7 +9,6 @@ from pathlib import Path as FilePath
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import is_class, without_variant
 from overcooked.layout import Layout, LayoutError, bundled_grid
-from server.model_fixes import comes_with_its_agent, is_from_outside, model_fix, trained_names
 from server.participation.episode_specs import layout_of, models_of, predictor_of
 from server.prediction_warnings import (
     agent_words,
@@ -21,6 +20,7 @@ from server.prediction_warnings import (
     training_words,
 )
 from server.required_models import WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
+from server.scripted_fixes import comes_with_its_agent, is_from_outside, model_fix, trained_names
 from server.study.checks import Path, Problem, capitalised
 from server.study.definition import KitchenChoice, PartnerSettings, Study
 from server.study.factor_checks import in_factors

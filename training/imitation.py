@@ -12,7 +12,7 @@ from overcooked.constants import ACTIONS, PLAYERS
 from overcooked.layout import Layout
 from overcooked.vector_env import VectorEnv
 from training.agent_config import AgentConfig
-from training.fast_path import FastPath
+from training.fast_networks import FastPath
 
 _GAMES, _TIMESTEPS = 48, 400
 _SAMPLES = 1280  # in a gradient step

@@ -11,7 +11,7 @@ from models.networks.checkpoint import CheckpointError, load_checkpoint
 from models.networks.policy import MlpPolicy, Network, network_of
 from overcooked.layout import Layout
 from training.compute import Compute
-from training.fast_path import fast_path
+from training.fast_networks import fast_path
 from training.sparse_layer import linear_forward
 
 # A partner samples in half of its games and is nearly deterministic in the other half, as agents in studies are.

@@ -26,7 +26,7 @@ from overcooked.score import DISH_REWARD
 from overcooked.vector_env import Starts
 from training.agent_config import AgentConfig, network_config
 from training.compute import Compute
-from training.fast_path import choose_compute, fast_path
+from training.fast_networks import choose_compute, fast_path
 from training.fused_ppo_loss import FusedLoss
 from training.imitation import imitate
 from training.partners import PartnerPool

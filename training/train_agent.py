@@ -15,7 +15,7 @@ from models.protocols import Mode
 from overcooked.layout import Layout, parse_layout
 from training.agent_config import AgentConfig, network_config
 from training.compute import Compute
-from training.fast_path import choose_compute
+from training.fast_networks import choose_compute
 from training.partners import PartnerPool, load_partners
 from training.ppo import PpoTrainer, Progress, run_settings, train
 from training.runlog import RunFolder

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from server.play.step_page import StepField, StepPage
+from server.play.step_types import StepField, StepPage
 
 Fields = dict[str, list["Field"]]
 

@@ -12,7 +12,16 @@ from sqlalchemy import Connection
 from server.participation import pairing, places
 from server.participation.next_step import move_on, note
 from server.participation.served_studies import Studies
-from server.store import answers, decisions, enrolment_limits, episodes, events, participants, studies, study_openings
+from server.store import (
+    answers,
+    enrolment_limits,
+    episodes,
+    events,
+    participants,
+    researcher_decisions,
+    studies,
+    study_openings,
+)
 from server.store.enrolment_limits import EnrolmentLimit
 from server.store.events import ATTENTION_SCREENED_OUT
 from server.store.participants import NewParticipant, Participant
@@ -155,7 +164,7 @@ def enrol_within(
 
 def is_paused(connection: Connection, study: str) -> bool:
     """Return whether a researcher has paused the study."""
-    return study in decisions.paused_studies(connection)
+    return study in researcher_decisions.paused_studies(connection)
 
 
 def arrive(connection: Connection, all_studies: Studies, participant_id: str) -> Participant | None:

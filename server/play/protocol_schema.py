@@ -14,7 +14,7 @@ import msgspec
 
 from server.play import messages
 from server.play.close_codes import CAUSES, CloseCode
-from server.play.step_page import StepPage
+from server.play.step_types import StepPage
 from server.play.token_bucket import BURST, PER_S
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import Depends
 
-from server.cluster.dispatch import ClusterControl
+from server.cluster.command_dispatch import ClusterControl
 from server.web.services import ServicesDep
 
 

@@ -1,6 +1,6 @@
 """Deletes a participant who may be in a game: at the participant's own request, or on request by a researcher."""
 
-from server.cluster.dispatch import ClusterControl
+from server.cluster.command_dispatch import ClusterControl
 from server.monitoring.commands import DismissParticipant, EndGames
 from server.store import overview, withdrawal
 from server.web.dependencies import Web

@@ -8,7 +8,7 @@ from starlette.requests import HTTPConnection
 
 if TYPE_CHECKING:  # their modules have routes, which need this one
     from models.inference.runner import ModelServer
-    from server.cluster.dispatch import ClusterControl
+    from server.cluster.command_dispatch import ClusterControl
     from server.monitoring.alerts import Alerts
     from server.monitoring.dashboard import Dashboard
     from server.monitoring.latency_history import LatencyHistory

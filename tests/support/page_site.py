@@ -16,7 +16,7 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 
-from server.cluster.dispatch import ClusterControl
+from server.cluster.command_dispatch import ClusterControl
 from server.monitoring.control import Control
 from server.participation.episode_specs import episode_spec
 from server.participation.served_studies import Studies

@@ -14,7 +14,7 @@ from argon2 import PasswordHasher
 from fastapi.routing import APIRoute
 
 from overcooked.constants import STAY
-from server.cluster.dispatch import ClusterControl
+from server.cluster.command_dispatch import ClusterControl
 from server.monitoring.alerts import Alerts
 from server.monitoring.control import Control
 from server.monitoring.dashboard import Dashboard

@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-from server.participation.seating import ConnectedPlayer
+from server.participation.game_seats import ConnectedPlayer
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.messages import MAX_READ_BYTES

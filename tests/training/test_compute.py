@@ -16,7 +16,7 @@ from overcooked.vector_env import Starts, VectorEnv
 from training.agent_config import agent_config
 from training.compute import Compute, ComputeError, Request, quickest, request, requested
 from training.dataset import Episodes
-from training.fast_path import choose_compute, fast_path
+from training.fast_networks import choose_compute, fast_path
 from training.ppo import PpoTrainer
 from training.predictor_config import TrainingConfig
 from training.threaded_env import ThreadedEnv, threaded_env

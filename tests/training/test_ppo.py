@@ -13,7 +13,7 @@ from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 from training.agent_config import AgentConfig, agent_config
 from training.compute import Compute
-from training.fast_path import fast_path
+from training.fast_networks import fast_path
 from training.fused_ppo_loss import FusedLoss
 from training.partners import PartnerPool
 from training.ppo import PpoTrainer, SeatRows, advantage_estimates, run_settings, train

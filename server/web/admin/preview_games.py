@@ -7,8 +7,8 @@ from typing import Final
 from fastapi import WebSocket
 from starlette.requests import HTTPConnection
 
+from server.participation.game_seats import ConnectedPlayer
 from server.participation.preview_models import PreviewModels
-from server.participation.seating import ConnectedPlayer
 from server.play.close_codes import CloseCode
 from server.play.episode_spec import EpisodeSpec
 from server.play.games import Games, Load

@@ -11,7 +11,7 @@ from fastapi import APIRouter, WebSocket
 from starlette.requests import HTTPConnection
 
 from server.background_tasks import ended
-from server.participation.seating import ConnectedPlayer
+from server.participation.game_seats import ConnectedPlayer
 from server.participation.waiting_room import WaitingRoom
 from server.play import messages
 from server.play.close_codes import CloseCode

@@ -5,7 +5,7 @@ from typing import Any, Literal, cast, get_args
 
 from starlette.requests import Request
 
-from server.play.step_page import (
+from server.play.step_types import (
     OfferedStudy,
     StepEnd,
     StepField,

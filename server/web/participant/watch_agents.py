@@ -10,7 +10,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response, WebSocket
 from starlette.requests import HTTPConnection
 
 from server.participation.episode_specs import layout_of, models_of, predictor_of
-from server.participation.seating import ConnectedPlayer
+from server.participation.game_seats import ConnectedPlayer
 from server.participation.served_studies import Studies
 from server.play.episode_spec import EpisodeSpec
 from server.play.games import Games, Load

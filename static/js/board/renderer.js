@@ -24,7 +24,7 @@ import { intentionWords } from './intention.js';
 import { COOK_TIME, ITEMS, inView } from './kitchen.js';
 import { FADE_MS, eased, isStale } from './marks.js';
 import { facing, isInView, isStarted, place, progress } from './state.js';
-import { drawVeil, outlineView, withinView } from './view.js';
+import { drawVeil, outlineView, withinView } from './limited-sight.js';
 
 /** Device pixels per CSS pixel at most: more are not visible, and each costs time in every frame. */
 const MAX_RATIO = 2;

@@ -14,7 +14,7 @@ from server.play import messages as m
 from server.play.game import Game
 from server.play.pause_reasons import RESEARCHER, STUDY
 from server.play.recorder import EpisodeRecord
-from server.store import decisions, events
+from server.store import events, researcher_decisions
 from server.store.database import DatabaseDown
 from tests.support.live_fakes import make_spec
 from tests.support.running_games import RunningGames, running, until
@@ -128,14 +128,18 @@ async def test_a_pause_of_one_game_follows_the_database_although_its_command_is_
     monkeypatch.setattr(control_module, "FOLLOW_EVERY_S", 0.01)
     running.specs["e1"] = make_spec(horizon=400)
     _, game = await running.under_way()
-    stored: dict[Any, Any] = {decisions.paused_studies: set(), decisions.paused_games: set(), events.more_time_s: {}}
+    stored: dict[Any, Any] = {
+        researcher_decisions.paused_studies: set(),
+        researcher_decisions.paused_games: set(),
+        events.more_time_s: {},
+    }
 
     async def read(function: Any, *_: str) -> Any:
         return stored[function]
 
     control = Control(running.games, cast(Any, SimpleNamespace(read=read)), cast(Any, None))
     if is_stored:
-        stored[decisions.paused_games] = {"e1"}
+        stored[researcher_decisions.paused_games] = {"e1"}
     else:
         game.pause(RESEARCHER, "researcher")
     await control.begin(shared=True)
@@ -151,7 +155,7 @@ async def test_more_time_follows_the_database_although_its_command_is_lost(
     connection, game = await running.under_way()
     game.pause(0, "hidden")
     before_s = connection.of(m.Paused)[-1].left_s
-    stored: dict[Any, Any] = {decisions.paused_studies: set(), decisions.paused_games: set()}
+    stored: dict[Any, Any] = {researcher_decisions.paused_studies: set(), researcher_decisions.paused_games: set()}
 
     async def read(function: Any, *_: str) -> Any:
         return stored.get(function, {"e1": 600.0})

@@ -9,7 +9,7 @@ from sqlalchemy import Connection, select
 
 import kitchenmind
 from server.participation import pairing, progress
-from server.participation.seating import ConnectedPlayer, Seating
+from server.participation.game_seats import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
 from server.play.recorder import EpisodeResult
 from server.store import episodes, events, participants

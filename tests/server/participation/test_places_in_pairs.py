@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from server.participation import progress
-from server.participation.seating import Seating
+from server.participation.game_seats import Seating
 from server.participation.served_studies import Studies
 from server.store import participants, tables
 from server.store.database import Database

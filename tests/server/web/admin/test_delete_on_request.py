@@ -3,7 +3,7 @@
 import pytest
 from sqlalchemy import text as sql
 
-from server.participation.seating import ConnectedPlayer
+from server.participation.game_seats import ConnectedPlayer
 from server.play.close_codes import CloseCode
 from server.store import audit, participants, tombstones
 from server.store.tables import RECRUITMENT_ID, metadata
