@@ -54,7 +54,8 @@ from server.version import code_version
 from server.web import health, protocol_document
 from server.web.admin import routes as researcher_routes
 from server.web.admin.preview_games import PreviewGames
-from server.web.auth import CsrfProtection, token_of
+from server.web.auth import token_of
+from server.web.csrf import CsrfProtection
 from server.web.dependencies import Web, games_first, plain_address, templates
 from server.web.error_pages import install_error_pages
 from server.web.guess_limits import Hashing

@@ -30,7 +30,7 @@ from server.play.games import Games, NoGame
 from server.play.messages import Notice
 from server.play.pause_reasons import ENDING, RESEARCHER, STUDY, Holder
 from server.play.recorder import RecorderDown
-from server.store import events, overview, researcher_decisions, unplayable_episodes
+from server.store import events, interventions, overview, unplayable_episodes
 from server.store.database import Database, DatabaseDown
 from server.study.loader import StudyError
 
@@ -63,7 +63,7 @@ class Control:
     async def begin(self, shared: bool = False) -> None:
         """Restore the pauses that were in force when the server stopped. `shared`: other processes pause and resume
         studies too, and their commands may be lost."""
-        for study in await self._database.read(researcher_decisions.paused_studies):
+        for study in await self._database.read(interventions.paused_studies):
             self._pause_study(study)
         if shared:
             self._follower = asyncio.create_task(self._follow())
@@ -187,7 +187,7 @@ class Control:
 
     async def _follow_studies(self) -> None:
         before = set(self._paused)
-        stored = await self._database.read(researcher_decisions.paused_studies)
+        stored = await self._database.read(interventions.paused_studies)
         if self._paused != before:
             return  # a command arrived in between, which may be newer than the data read
         for study in stored - before:
@@ -197,7 +197,7 @@ class Control:
 
     async def _follow_games(self) -> None:
         before = {game.episode: RESEARCHER in game.session.pause_reasons for game in self._games}
-        stored = await self._database.read(researcher_decisions.paused_games, *before) if before else set()
+        stored = await self._database.read(interventions.paused_games, *before) if before else set()
         for game in self._games:
             is_paused = RESEARCHER in game.session.pause_reasons
             if game.session.phase == "ended" or before.get(game.episode) is not is_paused:

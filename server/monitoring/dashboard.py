@@ -16,7 +16,7 @@ from server.monitoring.data_quality import DataQuality
 from server.monitoring.enrolment_flow import GONE, arms_of, flow_of, stock
 from server.monitoring.live_games import LiveGames
 from server.participation.served_studies import Studies
-from server.store import overview, participants, researcher_decisions, study_openings
+from server.store import interventions, overview, participants, study_openings
 from server.store.accuracy import RunningAccuracy, wilson
 from server.store.overview import Person
 from server.store.wrong_displays import DisplayCount
@@ -100,7 +100,7 @@ class Dashboard:
             "arms": arms_of(study, held, names, blind),
             "flow": flow_of(study, held),
             "stored": overview.stored(connection, study_ids),
-            "paused": study.name in researcher_decisions.paused_studies(connection),
+            "paused": study.name in interventions.paused_studies(connection),
             "closed": study.name in study_openings.closed(connection),
             "client_errors": [
                 {"at": at.isoformat(), "person": person, "who": who, "text": text}

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, func, select
 from server.participation import next_step, places
 from server.participation.served_studies import Studies
 from server.participation.waiting_room import Outlook, PairingRequest
-from server.store import episodes, events, participants, researcher_decisions, withdrawal
+from server.store import episodes, events, interventions, participants, withdrawal
 from server.store.episodes import StoredEpisode
 from server.store.participants import Participant
 from server.store.tables import visits
@@ -89,7 +89,7 @@ def request(
     ).scalar()
     room = (participant.study_id, participant.condition, step.key, participant.simulated)
     study, now = studies.of(participant), datetime.now(UTC)
-    waited_s = places.unpaused_s(since or now, now, researcher_decisions.pauses_of(connection, study.name))
+    waited_s = places.unpaused_s(since or now, now, interventions.pauses_of(connection, study.name))
     return PairingRequest(room, since or now, study.waiting_room.limit_s, partner, waited_s)
 
 
@@ -101,7 +101,7 @@ def outlook(connection: Connection, studies: Studies, participant_id: str) -> Ou
         return "gone"
     if company(connection, studies, participant, studies.step(participant)).alone:
         return "gone"
-    is_paused = studies.of(participant).name in researcher_decisions.paused_studies(connection)
+    is_paused = studies.of(participant).name in interventions.paused_studies(connection)
     return "stopped" if is_paused else "open"
 
 

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import Connection
 
 from server.participation.served_studies import Studies
-from server.store import overview, participants, researcher_decisions, studies
+from server.store import interventions, overview, participants, studies
 from server.store.overview import Group
 from server.store.participants import Participant
 from server.study.assignment import Count
@@ -68,9 +68,7 @@ def _quota(all_studies: Studies, study: Study, condition: str) -> int | None:
 def unseen_before(connection: Connection, study: Study, minutes: float) -> datetime:
     """Return the moment since which so many minutes have passed in which the study was not paused: nobody is absent
     because a researcher made them wait."""
-    return unpaused_ago(
-        datetime.now(UTC), timedelta(minutes=minutes), researcher_decisions.pauses_of(connection, study.name)
-    )
+    return unpaused_ago(datetime.now(UTC), timedelta(minutes=minutes), interventions.pauses_of(connection, study.name))
 
 
 def unpaused_s(since: datetime, until: datetime, pauses: Iterable[Pause]) -> float:

@@ -17,8 +17,8 @@ from server.store import (
     enrolment_limits,
     episodes,
     events,
+    interventions,
     participants,
-    researcher_decisions,
     studies,
     study_openings,
 )
@@ -164,7 +164,7 @@ def enrol_within(
 
 def is_paused(connection: Connection, study: str) -> bool:
     """Return whether a researcher has paused the study."""
-    return study in researcher_decisions.paused_studies(connection)
+    return study in interventions.paused_studies(connection)
 
 
 def arrive(connection: Connection, all_studies: Studies, participant_id: str) -> Participant | None:

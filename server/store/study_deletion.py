@@ -18,8 +18,8 @@ from server.store import (
     audit,
     engines,
     enrolment_limits,
+    interventions,
     overview,
-    researcher_decisions,
     studies,
     study_openings,
     study_reports,
@@ -71,7 +71,7 @@ def check_idle(connection: Connection, study: str, served: bool) -> None:
     playing = overview.playing(connection, t.participants.c.study_id.in_(studies.ids_of(connection, study)))
     if playing:
         raise ValueError(f"in a game of {study} now: {', '.join(playing[:5])}. Wait until it is over")
-    is_shut = study in researcher_decisions.paused_studies(connection) or study in study_openings.closed(connection)
+    is_shut = study in interventions.paused_studies(connection) or study in study_openings.closed(connection)
     if served and not is_shut:
         raise ValueError(
             f"a server uses this database, and {study} is neither paused nor closed. Pause it in the dashboard "

@@ -21,8 +21,9 @@ from server.store.database import Database
 from server.store.participants import Participant
 from server.study.definition import Study
 from server.study.locale import Locale, best_language, languages, locale
-from server.web.auth import FORM_FIELD, CsrfProtection, session_of, token_for, token_of
+from server.web.auth import session_of, token_for, token_of
 from server.web.compiled_templates import compiled_templates
+from server.web.csrf import FORM_FIELD, CsrfProtection
 from server.web.forms import Form, FormExpired, first, read_form
 from server.web.markdown import MARKDOWN
 from server.web.participant.step_json import step_page, wants_json
@@ -243,7 +244,7 @@ class PageResponse:
         response.headers.update(policy(host, self.web.csrf.secure, **more))
 
     def _token(self) -> Markup:
-        """Return the hidden field that every form needs (auth.py)."""
+        """Return the hidden field that every form needs (csrf.py)."""
         return Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, self._form_token())
 
     def _form_token(self) -> str:

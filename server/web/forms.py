@@ -10,7 +10,8 @@ from fastapi import HTTPException, Request
 from starlette.requests import ClientDisconnect
 
 from server.study.answer_checks import CONTROL
-from server.web.auth import FORM_FIELD, NOBODY, CsrfProtection, session_of
+from server.web.auth import session_of
+from server.web.csrf import FORM_FIELD, NOBODY, CsrfProtection
 
 MAX_FORM_BYTES = 128 * 1024
 FORM_TIMEOUT_S = 30.0

@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 from server.bots.participant import Bot
 from server.monitoring.report_making import PAGE
 from server.settings import ROOT
-from server.store import researcher_decisions, study_reports
+from server.store import interventions, study_reports
 from tests.support import command_line
 from tests.support.browser.game_page import draw_less_often, violations
 from tests.support.live_server import LiveServer
@@ -184,9 +184,9 @@ def test_an_open_page_of_a_game_follows_its_participant_and_colleagues(page: Pag
     expect(page.locator("#paused-badge")).to_be_hidden()
     database = server.app.state.services.web.database
     episode = page.url.partition("#")[0].rpartition("/")[2]
-    server.do(lambda: database.write(researcher_decisions.pause_game, episode, "ada"))
+    server.do(lambda: database.write(interventions.pause_game, episode, "ada"))
     expect(page.locator("#paused-badge")).to_have_text("Paused by ada")
-    server.do(lambda: database.write(researcher_decisions.pause_game, episode, None))
+    server.do(lambda: database.write(interventions.pause_game, episode, None))
     expect(page.locator("#paused-badge")).to_be_hidden()
 
 
@@ -295,11 +295,11 @@ def test_the_live_page_shows_a_pause_by_somebody_else_without_a_reload(page: Pag
     page.goto(f"{server.url}/admin/s/short")
     expect(page.locator("#study-state")).to_have_text("Running")
     database = server.app.state.services.web.database
-    server.do(lambda: database.write(researcher_decisions.pause_study, "short", "ada"))
+    server.do(lambda: database.write(interventions.pause_study, "short", "ada"))
     expect(page.locator("#study-state")).to_have_text("Paused")
     page.click("#pause-study")
     expect(page.locator("#ask-resume")).to_be_visible()
-    server.do(lambda: database.write(researcher_decisions.resume_study, "short", "ada"))
+    server.do(lambda: database.write(interventions.resume_study, "short", "ada"))
     expect(page.locator("#study-state")).to_have_text("Running")
     expect(page.locator("#pause-study")).to_have_text("Pause study…")
 

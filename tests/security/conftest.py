@@ -16,7 +16,7 @@ from server.store.participants import get
 from server.store.tables import participants
 from server.web.admin.opened_games_page import TOKEN_HEADER
 from server.web.auth import COOKIE as PARTICIPANT_COOKIE
-from server.web.auth import FORM_FIELD
+from server.web.csrf import FORM_FIELD
 from tests.support.faults.group import SHORT_GAMES
 from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY

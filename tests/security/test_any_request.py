@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from server.store import attempts
-from server.web.auth import FORM_FIELD
+from server.web.csrf import FORM_FIELD
 from tests.support.faults.invariants import Holdings
 from tests.support.parameters import mostly_slow
 

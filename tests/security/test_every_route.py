@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 
 from server.play.close_codes import CloseCode
 from server.store.tables import participants
-from server.web.auth import FORM_FIELD
+from server.web.csrf import FORM_FIELD
 
 ROLES = ("anonymous", "other", "participant", "watch", "act", "own")  # other: a participant of another study
 RESEARCHERS = ROLES[3:]  # each may what those before it may

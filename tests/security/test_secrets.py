@@ -16,7 +16,7 @@ from server.store import admins, audit, engines
 from server.store.admins import IDLE, MAX_SESSION
 from server.store.participants import new_token
 from server.store.tables import admin_sessions, participants
-from server.web.auth import CsrfProtection
+from server.web.csrf import CsrfProtection
 from server.web.passwords import hashed, weakness
 from tests.support.faults.group import SHORT_GAMES
 from tests.support.faults.recording_client import RecordingClient

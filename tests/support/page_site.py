@@ -27,7 +27,7 @@ from server.store.database import Database
 from server.store.participants import Participant
 from server.study.loader import parse_study
 from server.study.steps import StudyStep
-from server.web.auth import CsrfProtection
+from server.web.csrf import CsrfProtection
 from server.web.dependencies import Web, templates
 from server.web.error_pages import install_error_pages
 from server.web.participant import exits, study_pages

@@ -20,7 +20,7 @@ from server.play.messages import MAX_READ_BYTES
 from server.play.recorder import EpisodeRecord
 from server.store.database import DatabaseDown
 from server.uvicorn_protocols import SparingProtocol
-from server.web.auth import CsrfProtection
+from server.web.csrf import CsrfProtection
 from server.web.participant import game_socket
 from server.web.participant.game_socket import Sockets
 from tests.support.live_fakes import MemoryRecorder, RuleModels, make_spec

@@ -22,7 +22,7 @@ from server.monitoring.commands import (
     ResumeStudy,
     SendMessage,
 )
-from server.store import audit, overview, participants, researcher_decisions, withdrawal
+from server.store import audit, interventions, overview, participants, withdrawal
 from server.store.admins import AdminSession
 from server.store.overview import Person, Played
 from server.study.loader import StudyError
@@ -74,9 +74,7 @@ async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
     """Pause the study: until it is resumed, nobody can join and every game is paused."""
     study_at(web, name)
     detail = {"study": name, "reason": _text(form, "note")}
-    await _change(
-        web, admin, "pause study", detail, partial(researcher_decisions.pause_study, study=name, by=admin.name)
-    )
+    await _change(web, admin, "pause study", detail, partial(interventions.pause_study, study=name, by=admin.name))
     await control.broadcast(PauseStudy(name))
     return back_to(_page_of(form, name), "study_paused")
 
@@ -86,9 +84,7 @@ async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep
     """Resume the study and its games."""
     study_at(web, name)
     detail = {"study": name, "reason": _text(form, "note")}
-    await _change(
-        web, admin, "resume study", detail, partial(researcher_decisions.resume_study, study=name, by=admin.name)
-    )
+    await _change(web, admin, "resume study", detail, partial(interventions.resume_study, study=name, by=admin.name))
     await control.broadcast(ResumeStudy(name))
     return back_to(_page_of(form, name), "study_resumed")
 
@@ -158,16 +154,15 @@ async def _pause_or_resume(
     """Return the outcome. A game that nobody plays now is paused when the participant comes back."""
     game, detail = what
     by = admin.name if action == "pause" else None
-    if not await _change(
-        web, admin, f"{action} game", detail, partial(researcher_decisions.pause_game, episode=game.id, by=by)
-    ):
+    change = partial(interventions.pause_game, episode=game.id, by=by)
+    if not await _change(web, admin, f"{action} game", detail, change):
         return "gone"
     if action == "pause":
         await control.run(PauseGame(game.id))
         return "paused"
     await control.run(ResumeGame(game.id))
     study = web.studies.version(game.study_id)
-    paused = await web.database.read(researcher_decisions.paused_studies)
+    paused = await web.database.read(interventions.paused_studies)
     return "resumed_later" if study is not None and study.name in paused else "resumed"
 
 
@@ -178,7 +173,7 @@ async def _extend(admin: AdminSession, web: Web, control: ClusterControl, what: 
 
     def allow(connection: Connection) -> float:
         nonlocal more_time_s
-        more_time_s = researcher_decisions.allow_longer_absence(
+        more_time_s = interventions.allow_longer_absence(
             connection, game.id, game.participant_id, 60.0 * detail["minutes"]
         )
         return more_time_s
@@ -220,8 +215,8 @@ async def decide(
 
 
 def _restore(connection: Connection, person: str, number: int, by: str) -> bool:
-    held = [one.id for one in researcher_decisions.exclusions_of(connection, [person])]
-    return number in held and researcher_decisions.restore(connection, number, by)
+    held = [one.id for one in interventions.exclusions_of(connection, [person])]
+    return number in held and interventions.restore(connection, number, by)
 
 
 async def _exclude(web: Web, admin: AdminSession, form: Form, data: tuple[str, str | None], action: str) -> None:
@@ -230,7 +225,7 @@ async def _exclude(web: Web, admin: AdminSession, form: Form, data: tuple[str, s
     detail = {"participant": participant, "reason": ": ".join(filter(None, why))}
     if episode is not None:
         detail["episode"] = episode
-    change = partial(researcher_decisions.exclude, participant=participant, episode=episode, why=why, by=admin.name)
+    change = partial(interventions.exclude, participant=participant, episode=episode, why=why, by=admin.name)
     await _change(web, admin, action, detail, change)
 
 
@@ -289,7 +284,7 @@ def _required(form: Form, name: str) -> str:
 
 def _why(form: Form) -> tuple[str, str]:
     reason = first(form, "reason")
-    if reason not in researcher_decisions.EXCLUSION_REASONS:
+    if reason not in interventions.EXCLUSION_REASONS:
         raise HTTPException(400, "This exclusion has no reason. Choose one from the list.")
     return reason, _text(form, "note")
 

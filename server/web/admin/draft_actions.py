@@ -16,7 +16,7 @@ from server.participation.draft_checks import draft_problems
 from server.participation.own_kitchens import drawn_grids
 from server.participation.study_changes import Versions
 from server.participation.training_commands import own_names_of
-from server.store import audit, researcher_decisions, study_drafts, study_openings
+from server.store import audit, interventions, study_drafts, study_openings
 from server.store.study_drafts import MERGED, DraftText, StudyDraft
 from server.study import drafting
 from server.study.loader import PlacedProblem, StudyError, StudyFile
@@ -174,7 +174,7 @@ def _open(connection: Connection, draft: StudyDraft, version: tuple[str, int, st
 
 def _outcome(connection: Connection, name: str, draft: int) -> str:
     """Return what is said of a study that was opened just now."""
-    if name in researcher_decisions.paused_studies(connection):
+    if name in interventions.paused_studies(connection):
         return "draft_opened_paused"
     others = (one for one in study_openings.newest(connection).values() if one.study != name)
     is_renamed = any(one.draft_id == draft and one.is_open for one in others)

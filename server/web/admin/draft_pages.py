@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 from server.participation.draft_checks import known_names
 from server.participation.study_changes import Versions
 from server.settings import ROOT
-from server.store import audit, kitchens, researcher_decisions, study_drafts, study_openings
+from server.store import audit, interventions, kitchens, study_drafts, study_openings
 from server.store.study_drafts import DraftText, StudyDraft
 from server.study.drafting import STUDY_NAME, from_template, named, view
 from server.study.reference import study_reference
@@ -145,7 +145,7 @@ async def create(request: Request, admin: OwnDep, services: ServicesDep, form: A
 async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, grids: GridsDep) -> Response:
     """Show the editor: the form on the left, the YAML on the right."""
     opened = await web.database.read(study_openings.newest)
-    paused = await web.database.read(researcher_decisions.paused_studies)
+    paused = await web.database.read(interventions.paused_studies)
     of_draft = [one for one in opened.values() if one.draft_id == draft.id]
     mine = next((one for one in reversed(of_draft) if one.is_open), None)
     last = mine or next(reversed(of_draft), None)

@@ -11,7 +11,7 @@ from server.store.admins import AdminSession
 from server.study.checks import capitalised
 from server.study.definition import Study
 from server.web.admin.researcher_auth import form_session
-from server.web.auth import FORM_FIELD
+from server.web.csrf import FORM_FIELD
 from server.web.dependencies import Web, web_of
 from server.web.security_headers import policy
 

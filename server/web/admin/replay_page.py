@@ -12,7 +12,7 @@ from server.monitoring.live_games import Card, LiveGames, card_of, who
 from server.monitoring.peers import View
 from server.monitoring.replay import StoredTicks, input_of, record_json, row_of, visible
 from server.play.close_codes import CloseCode
-from server.store import overview, researcher_decisions
+from server.store import interventions, overview
 from server.store.admins import AdminSession
 from server.store.database import DatabaseDown
 from server.store.episodes import BrokenEpisode
@@ -38,7 +38,7 @@ async def page(request: Request, name: str, admin: WatchDep, services: ServicesD
     """Show the game as the participant sees it, its time line, and the available actions."""
     web, live = services.web, services.live
     _, study = study_at(web, name)
-    held = await web.database.read(researcher_decisions.exclusions_of, [game.participant_id])
+    held = await web.database.read(interventions.exclusions_of, [game.participant_id])
     titles = {kitchen.name: kitchen.title.of("en") for kitchen in study.layouts}
     mine = await web.database.read(overview.played_by, game.participant_id)
     return AdminPage(request, admin).render(
@@ -53,7 +53,7 @@ async def page(request: Request, name: str, admin: WatchDep, services: ServicesD
         others=[one for one in mine if one.started_at is not None],
         is_live=live.games.get(game.id) is not None or await live.peer_plays(game),
         exclusions=[one for one in held if one.episode_id in (None, game.id)],
-        reasons=researcher_decisions.EXCLUSION_REASONS,
+        reasons=interventions.EXCLUSION_REASONS,
         texts=locale("en").section("game"),
     )
 
@@ -127,7 +127,7 @@ class _Pauser:
             return
         self._looked_at = now
         with suppress(DatabaseDown):
-            by = await self._live.web.database.read(researcher_decisions.pauser_of, self._episode)
+            by = await self._live.web.database.read(interventions.pauser_of, self._episode)
             await send_news(self._socket, {"type": "paused", "by": by})
 
 

@@ -13,7 +13,7 @@ from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
 from server.participation.model_hashes import changed_models
 from server.participation.study_warnings import warnings_of
-from server.store import admins, answers, attempts, audit, overview, participants, researcher_decisions, study_openings
+from server.store import admins, answers, attempts, audit, interventions, overview, participants, study_openings
 from server.store.overview import Played
 from server.study.definition import Study
 from server.web import guess_limits
@@ -80,7 +80,7 @@ async def logout(admin: WatchDep, web: WebDep, form: AdminFormDep) -> Response: 
 @router.get("")
 async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
     """List all studies of this server, including closed ones that are no longer served after a restart."""
-    paused = await web.database.read(researcher_decisions.paused_studies)
+    paused = await web.database.read(interventions.paused_studies)
     closed = await web.database.read(study_openings.closed)
     rows = []
     kept = sorted(name for name in closed if web.studies.versions(name))
@@ -161,7 +161,7 @@ async def dashboard(request: Request, name: str, admin: WatchDep, services: Serv
     web, versions = services.web, services.versions
     study_ids, study = study_at(web, name)
     stops = {
-        "paused": name in await web.database.read(researcher_decisions.paused_studies),
+        "paused": name in await web.database.read(interventions.paused_studies),
         "closed": name in await web.database.read(study_openings.closed),
     }
     page = AdminPage(request, admin)
@@ -205,8 +205,8 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
         arm="" if admin.blind else found.condition,
         now=step_name(sequence[min(found.position, len(sequence) - 1)]),
         rows=await _games(services, study, played),
-        exclusions=await web.database.read(researcher_decisions.exclusions_of, [person]),
-        reasons=researcher_decisions.EXCLUSION_REASONS,
+        exclusions=await web.database.read(interventions.exclusions_of, [person]),
+        reasons=interventions.EXCLUSION_REASONS,
         attention=await web.database.read(answers.attention_of, person),
     )
 
@@ -253,7 +253,7 @@ async def quality_of(name: str, admin: WatchDep, services: ServicesDep) -> dict[
 async def _games(services: Services, study: Study, played: list[Played]) -> list[dict[str, Any]]:
     """Return the rows of a table of games, with what the rules and the researcher say about each."""
     people = list({one.participant_id for one in played})
-    held = await services.web.database.read(researcher_decisions.exclusions_of, people)
+    held = await services.web.database.read(interventions.exclusions_of, people)
     reasons = {one.episode_id or one.participant_id: one.reason for one in held}
     rows = []
     for one in played:

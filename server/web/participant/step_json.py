@@ -25,7 +25,7 @@ from server.study.questionnaire import (
     ScaleQuestion,
     TextQuestion,
 )
-from server.web.auth import FORM_FIELD
+from server.web.csrf import FORM_FIELD
 
 Context = Mapping[str, Any]
 _NAMES = frozenset(get_args(StepName))

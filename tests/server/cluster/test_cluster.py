@@ -26,7 +26,7 @@ from server.monitoring.commands import (
 )
 from server.monitoring.peers import Process, View
 from server.play.game import Game
-from server.store import enrolment_limits, researcher_decisions, ticks
+from server.store import enrolment_limits, interventions, ticks
 from server.study.loader import StudyError
 from tests.support.live_server import LiveServer
 from tests.support.postgres_pool import PostgresPool
@@ -126,7 +126,7 @@ async def test_a_paused_game_stays_paused_when_its_page_reaches_another_process(
     game = running(here)
     assert game is not None
     database = here.app.state.services.web.database
-    here.do(lambda: database.write(researcher_decisions.pause_game, game.episode, "ada"))
+    here.do(lambda: database.write(interventions.pause_game, game.episode, "ada"))
     await until(lambda: game.session.phase == "paused")
     first = bot.game()
     second = BotGame(first.url.replace(str(here.port), str(there.port)), first.cookie, Journal(), Traits.drawn(2))
@@ -134,7 +134,7 @@ async def test_a_paused_game_stays_paused_when_its_page_reaches_another_process(
     taken = await until(lambda: there.app.state.services.games.get(game.episode))
     await until(lambda: taken.connections and 0 not in taken.session.pause_reasons)
     assert not taken.session.moving
-    here.do(lambda: database.write(researcher_decisions.pause_game, game.episode, None))
+    here.do(lambda: database.write(interventions.pause_game, game.episode, None))
     await until(lambda: taken.session.moving)
     playing.cancel()
     await asyncio.gather(playing, return_exceptions=True)
@@ -196,10 +196,10 @@ async def test_a_pause_of_a_study_reaches_every_process_although_its_command_is_
     assert game is not None
     redis.stop()
     services = there.app.state.services
-    there.do(lambda: services.web.database.write(researcher_decisions.pause_study, "short", "ada"))
+    there.do(lambda: services.web.database.write(interventions.pause_study, "short", "ada"))
     there.do(lambda: services.control.broadcast(PauseStudy("short")))
     await until(lambda: game.session.phase == "paused")
-    there.do(lambda: services.web.database.write(researcher_decisions.resume_study, "short", "ada"))
+    there.do(lambda: services.web.database.write(interventions.resume_study, "short", "ada"))
     there.do(lambda: services.control.broadcast(ResumeStudy("short")))
     await until(lambda: game.session.phase == "running")
 

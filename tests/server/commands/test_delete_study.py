@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import Connection, update
 
 import kitchenmind
-from server.store import audit, participants, researcher_decisions, studies, study_deletion, tombstones
+from server.store import audit, interventions, participants, studies, study_deletion, tombstones
 from server.store.database import Database, DatabaseDown
 from server.store.migrate import migrate
 from server.store.tables import episodes
@@ -98,7 +98,7 @@ def test_nothing_is_deleted_while_a_participant_is_in_a_game(
     person = filled.read_now(participants.of_study, 1)[1].id
     running = update(episodes).where(episodes.c.participant_0 == person).values(status="running")
     filled.write_now(lambda connection: connection.execute(running))
-    filled.write_now(researcher_decisions.pause_study, "ring", "anna")
+    filled.write_now(interventions.pause_study, "ring", "anna")
     assert delete(url) == 2
     assert "in a game of ring now: P-002" in capsys.readouterr().err
     assert len(people(url)) == 3
@@ -108,7 +108,7 @@ def test_a_game_that_began_during_the_deletion_is_not_deleted_in_its_middle(
     filled: Database, url: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As in a study that was closed: who is in it may finish."""
-    filled.write_now(researcher_decisions.pause_study, "ring", "anna")
+    filled.write_now(interventions.pause_study, "ring", "anna")
     in_order = people(url)
     last = filled.read_now(participants.get, in_order[-1])
     assert last is not None
@@ -134,7 +134,7 @@ def test_a_study_that_a_server_may_serve_is_paused_first(
     assert "ring is neither paused nor closed. Pause it in the dashboard (/admin/s/ring), or stop the server" in said
     assert len(people(url)) == 3
     assert [one.action for one in filled.read_now(audit.entries)] == ["pause_study"]
-    filled.write_now(researcher_decisions.pause_study, "ring", "anna")
+    filled.write_now(interventions.pause_study, "ring", "anna")
     assert delete(url) == 0
     assert people(url) == []
     filled.write_now(audit.add, "server", "continues")
@@ -166,7 +166,7 @@ def test_no_trace_is_left_in_the_files_of_sqlite(tmp_path: Path) -> None:
     migrate(f"sqlite:///{file}")
     with Database(f"sqlite:///{file}") as server:
         server.write_now(fill, people=6, per_person=3)
-        server.write_now(researcher_decisions.pause_study, "ring", "anna")
+        server.write_now(interventions.pause_study, "ring", "anna")
         ids = people(f"sqlite:///{file}")
         assert delete(f"sqlite:///{file}") == 0
         written = [path.read_bytes() for path in tmp_path.iterdir() if path.suffix == ".db-wal"]
@@ -181,14 +181,14 @@ def test_pages_of_a_running_server_treat_deleted_participants_as_unknown(tmp_pat
         visitor, unknown = Visitor(site), Visitor(site)
         visitor.consent("small")
         fields = visitor.fields()
-        site.database.write_now(researcher_decisions.pause_study, "small", "anna")
+        site.database.write_now(interventions.pause_study, "small", "anna")
         assert delete(f"sqlite:///{tmp_path}/site.db", study="small") == 0
         assert site.everybody("small") == []
         for path in ("/s/small/now", "/s/small", "/s/small/withdraw"):
             page, of_unknown = visitor.get(path), unknown.get(path)
             assert (page.status_code, page.url) == (of_unknown.status_code, of_unknown.url)
         assert "A short break" in visitor.send("/s/small/now", fields).text
-        site.database.write_now(researcher_decisions.resume_study, "small", "anna")
+        site.database.write_now(interventions.resume_study, "small", "anna")
         visitor.consent("small")
         assert [one.number for one in site.everybody("small")] == [2]
         assert site.database.read_now(studies.started, "small") == 2

@@ -9,7 +9,7 @@ from sqlalchemy import Connection, select
 
 import kitchenmind
 from server.export import codebook, data_dictionary
-from server.store import answers, episodes, participants, researcher_decisions, studies, tables, ticks
+from server.store import answers, episodes, interventions, participants, studies, tables, ticks
 from server.store.database import Database
 from server.store.tables import answers as answer_table
 from server.store.tables import episodes as episode_table
@@ -203,10 +203,10 @@ def test_exclusions_are_shown_with_their_episode_or_participant_until_undone(
 ) -> None:
     first, second = filled.read_now(participants.of_study, 1)[:2]
     episode = filled.read_now(episodes.of_participant, second.id)[0].id
-    taken_back = filled.write_now(researcher_decisions.exclude, second.id, None, ("idle", ""), "anna")
-    filled.write_now(researcher_decisions.restore, taken_back, "anna")
-    filled.write_now(researcher_decisions.exclude, first.id, None, ("no interaction", "sat there"), "anna")
-    filled.write_now(researcher_decisions.exclude, second.id, episode, ("stuck", ""), "anna")
+    taken_back = filled.write_now(interventions.exclude, second.id, None, ("idle", ""), "anna")
+    filled.write_now(interventions.restore, taken_back, "anna")
+    filled.write_now(interventions.exclude, first.id, None, ("no interaction", "sat there"), "anna")
+    filled.write_now(interventions.exclude, second.id, episode, ("stuck", ""), "anna")
     folder = exported()
     people = parquet(folder, "participants")
     assert dict(people.select("participant", "excluded").iter_rows())[first.id] == "no interaction"

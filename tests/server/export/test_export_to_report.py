@@ -18,7 +18,7 @@ from analysis.study import Options
 from analysis.table_files import COLUMNS, OPTIONAL, table_file
 from analysis.tables import export_of, read_export
 from server.export import codebook, quality_inputs
-from server.store import participants, researcher_decisions
+from server.store import interventions, participants
 from server.store.database import Database
 from server.store.migrate import migrate
 from server.store.tables import answers as answer_table
@@ -194,15 +194,15 @@ def test_what_the_researcher_excludes_is_left_out_and_listed(database: Database,
     over = database.read_now(quality_inputs.over, (1,))
     (episode, first, _), (_, second, _) = over[0], next(key for key in over if key[1] != over[0][1])
     numbers = [
-        database.write_now(researcher_decisions.exclude, first, episode, ("not attentive", "saw it myself"), "anna"),
-        database.write_now(researcher_decisions.exclude, second, None, ("technical fault", ""), "anna"),
+        database.write_now(interventions.exclude, first, episode, ("not attentive", "saw it myself"), "anna"),
+        database.write_now(interventions.exclude, second, None, ("technical fault", ""), "anna"),
     ]
     try:
         words = ["export", "--database", str(database.url), "--out", str(tmp_path / "data")]
         assert kitchenmind.main(words) == 0
     finally:
         for number in numbers:
-            database.write_now(researcher_decisions.restore, number, "anna")
+            database.write_now(interventions.restore, number, "anna")
     report = write_report(tmp_path / "data", tmp_path / "report", Options(power_studies=20, draws=200))
     kept = set(report.analysis.episodes["episode"])
     gone = {key[0] for key in over if key[0] == episode or key[1] == second}

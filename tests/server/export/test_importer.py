@@ -12,7 +12,7 @@ import pytest
 
 import kitchenmind
 from server.export.import_checks import write_sums
-from server.store import answers, arrivals, episodes, events, participants, researcher_decisions, studies, ticks
+from server.store import answers, arrivals, episodes, events, interventions, participants, studies, ticks
 from server.store.database import Database
 from server.store.withdrawal import withdraw
 from tests.support.databases import with_tables
@@ -36,8 +36,8 @@ def fill_all(database: Database) -> None:
     database.write_now(episodes.create, episodes.NewEpisode(SPEC, "watch"))
     others = database.read_now(participants.of_study, study)
     for about in (None, database.read_now(episodes.of_participant, others[0].id)[0].id):
-        database.write_now(researcher_decisions.exclude, others[0].id, about, ("idle", "saw it myself"), "anna")
-    database.write_now(researcher_decisions.restore, 1, "anna")
+        database.write_now(interventions.exclude, others[0].id, about, ("idle", "saw it myself"), "anna")
+    database.write_now(interventions.restore, 1, "anna")
     when = database.read_now(participants.of_study, study)[0].started_at
     database.write_now(events.add, events.Event("server_started", when))
     database.write_now(arrivals.count, study, "opened")

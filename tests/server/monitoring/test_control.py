@@ -14,7 +14,7 @@ from server.play import messages as m
 from server.play.game import Game
 from server.play.pause_reasons import RESEARCHER, STUDY
 from server.play.recorder import EpisodeRecord
-from server.store import events, researcher_decisions
+from server.store import events, interventions
 from server.store.database import DatabaseDown
 from tests.support.live_fakes import make_spec
 from tests.support.running_games import RunningGames, running, until
@@ -129,8 +129,8 @@ async def test_a_pause_of_one_game_follows_the_database_although_its_command_is_
     running.specs["e1"] = make_spec(horizon=400)
     _, game = await running.under_way()
     stored: dict[Any, Any] = {
-        researcher_decisions.paused_studies: set(),
-        researcher_decisions.paused_games: set(),
+        interventions.paused_studies: set(),
+        interventions.paused_games: set(),
         events.more_time_s: {},
     }
 
@@ -139,7 +139,7 @@ async def test_a_pause_of_one_game_follows_the_database_although_its_command_is_
 
     control = Control(running.games, cast(Any, SimpleNamespace(read=read)), cast(Any, None))
     if is_stored:
-        stored[researcher_decisions.paused_games] = {"e1"}
+        stored[interventions.paused_games] = {"e1"}
     else:
         game.pause(RESEARCHER, "researcher")
     await control.begin(shared=True)
@@ -155,7 +155,7 @@ async def test_more_time_follows_the_database_although_its_command_is_lost(
     connection, game = await running.under_way()
     game.pause(0, "hidden")
     before_s = connection.of(m.Paused)[-1].left_s
-    stored: dict[Any, Any] = {researcher_decisions.paused_studies: set(), researcher_decisions.paused_games: set()}
+    stored: dict[Any, Any] = {interventions.paused_studies: set(), interventions.paused_games: set()}
 
     async def read(function: Any, *_: str) -> Any:
         return stored.get(function, {"e1": 600.0})

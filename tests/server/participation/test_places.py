@@ -12,7 +12,7 @@ from server.monitoring.enrolment_flow import arms_of, stock
 from server.participation import places, progress
 from server.participation.progress import ConsentArrival
 from server.participation.served_studies import Studies
-from server.store import participants, researcher_decisions
+from server.store import interventions, participants
 from server.store.database import Database
 from server.store.overview import Group
 from server.store.participants import Participant, label
@@ -91,7 +91,7 @@ def completed(database: Database, studies: Studies, number: int) -> list[Partici
 
 
 def exclude(database: Database, who: Participant) -> int:
-    return database.write_now(researcher_decisions.exclude, who.id, None, ("attention", ""), "mara")
+    return database.write_now(interventions.exclude, who.id, None, ("attention", ""), "mara")
 
 
 @pytest.mark.parametrize("text", [TWO_EACH, REPLACING], ids=["kept", "replaced"])
@@ -118,7 +118,7 @@ def test_who_is_counted_again_after_a_replacement_gives_nobody_a_place(database:
     first, *_ = completed(database, studies, 4)
     number = exclude(database, first)
     arrive(database, studies)
-    database.write_now(researcher_decisions.restore, number, "mara")
+    database.write_now(interventions.restore, number, "mara")
     with pytest.raises(StudyFullError):
         arrive(database, studies)
 
@@ -209,9 +209,9 @@ def test_the_time_of_pauses_is_left_out(pauses: list[tuple[int, int | None]], ex
 
 
 def test_the_pauses_of_a_study_are_its_own(database: Database) -> None:
-    database.write_now(researcher_decisions.pause_study, "small", "mara")
-    database.write_now(researcher_decisions.pause_study, "other", "mara")
-    database.write_now(researcher_decisions.resume_study, "other", "mara")
-    ((begun, ended),) = database.read_now(researcher_decisions.pauses_of, "small")
+    database.write_now(interventions.pause_study, "small", "mara")
+    database.write_now(interventions.pause_study, "other", "mara")
+    database.write_now(interventions.resume_study, "other", "mara")
+    ((begun, ended),) = database.read_now(interventions.pauses_of, "small")
     assert ended is None
     assert begun.tzinfo is not None

@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy import update
 
 from server.participation import places, progress
-from server.store import participants, researcher_decisions
+from server.store import interventions, participants
 from server.store.tables import study_pauses, visits
 from tests.server.participation.test_partner_withdraws import MakePair, Pair, make
 from tests.server.participation.test_places import NOON
@@ -34,7 +34,7 @@ async def test_the_wait_goes_through_reloads_without_the_pauses_of_the_study(mak
     pair = await make()
     opened_page(pair, seconds_ago=60)
     assert await waited_s(pair) == pytest.approx(60, abs=5)
-    pair.database.write_now(researcher_decisions.pause_study, "pairs", "mara")
+    pair.database.write_now(interventions.pause_study, "pairs", "mara")
     query = update(study_pauses).values(paused_at=datetime.now(UTC) - timedelta(seconds=40))
     pair.database.write_now(lambda connection: connection.execute(query))
     assert await waited_s(pair) == pytest.approx(20, abs=5)
@@ -45,9 +45,9 @@ async def test_the_wait_goes_through_reloads_without_the_pauses_of_the_study(mak
 async def test_nobody_can_come_while_the_study_is_paused(make: MakePair) -> None:
     pair = await make()
     opened_page(pair, seconds_ago=0)
-    pair.database.write_now(researcher_decisions.pause_study, "pairs", "mara")
+    pair.database.write_now(interventions.pause_study, "pairs", "mara")
     assert await pair.seating.outlook(pair.stays) == "stopped"
-    pair.database.write_now(researcher_decisions.resume_study, "pairs", "mara")
+    pair.database.write_now(interventions.resume_study, "pairs", "mara")
     assert await pair.seating.outlook(pair.stays) == "open"
 
 

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from scipy.stats import binomtest
 
-from server.store import admins, audit, episodes, participants, researcher_decisions, studies, withdrawal
+from server.store import admins, audit, episodes, interventions, participants, studies, withdrawal
 from server.store.accuracy import wilson
 from server.store.database import Database
 from tests.support.study_data import SPEC, new_participant
@@ -70,12 +70,12 @@ def test_an_exclusion_is_undone_once_and_deleted_with_the_participant(database: 
     study = database.write_now(studies.register, "s", "text")
     new = participants.NewParticipant(study.id, "tom", 1, "token")
     person = database.write_now(participants.create, new).id
-    number = database.write_now(researcher_decisions.exclude, person, None, ("other", "a note"), "mara")
-    (held,) = database.read_now(researcher_decisions.exclusions_of, [person])
+    number = database.write_now(interventions.exclude, person, None, ("other", "a note"), "mara")
+    (held,) = database.read_now(interventions.exclusions_of, [person])
     assert (held.reason, held.note, held.excluded_by) == ("other", "a note", "mara")
-    assert database.write_now(researcher_decisions.restore, number, "mara")
-    assert not database.write_now(researcher_decisions.restore, number, "mara")
-    assert database.read_now(researcher_decisions.exclusions_of, [person]) == []
+    assert database.write_now(interventions.restore, number, "mara")
+    assert not database.write_now(interventions.restore, number, "mara")
+    assert database.read_now(interventions.exclusions_of, [person]) == []
     assert database.write_now(withdrawal.withdraw, person)
     assert database.read_now(audit.first_forged) is None
 
@@ -85,21 +85,19 @@ def test_an_excluded_round_of_two_is_excluded_for_both(database: Database) -> No
     people = tuple(database.write_now(new_participant, study.id) for _ in range(3))
     new = episodes.NewEpisode(SPEC, "episode-01", (people[0], people[1]), study.id)
     episode = database.write_now(episodes.create, new)
-    database.write_now(researcher_decisions.exclude, people[0], episode, ("other", ""), "mara")
-    database.write_now(researcher_decisions.exclude, people[0], None, ("not attentive", ""), "mara")
-    held = [
-        [one.reason for one in database.read_now(researcher_decisions.exclusions_of, [person])] for person in people
-    ]
+    database.write_now(interventions.exclude, people[0], episode, ("other", ""), "mara")
+    database.write_now(interventions.exclude, people[0], None, ("not attentive", ""), "mara")
+    held = [[one.reason for one in database.read_now(interventions.exclusions_of, [person])] for person in people]
     assert held == [["other", "not attentive"], ["other"], []]
 
 
 def test_a_study_is_paused_until_it_is_resumed(database: Database) -> None:
-    assert database.write_now(researcher_decisions.pause_study, "s", "mara")
-    assert not database.write_now(researcher_decisions.pause_study, "s", "mara")
-    assert database.read_now(researcher_decisions.paused_studies) == {"s"}
-    assert database.write_now(researcher_decisions.resume_study, "s", "mara")
-    assert not database.write_now(researcher_decisions.resume_study, "s", "mara")
-    assert database.read_now(researcher_decisions.paused_studies) == set()
+    assert database.write_now(interventions.pause_study, "s", "mara")
+    assert not database.write_now(interventions.pause_study, "s", "mara")
+    assert database.read_now(interventions.paused_studies) == {"s"}
+    assert database.write_now(interventions.resume_study, "s", "mara")
+    assert not database.write_now(interventions.resume_study, "s", "mara")
+    assert database.read_now(interventions.paused_studies) == set()
 
 
 @pytest.mark.parametrize(("right", "asked"), [(0, 5), (5, 5), (78, 100), (1, 1000), (1, 1)])

@@ -12,8 +12,8 @@ from server.store import (
     audit,
     enrolment_limits,
     episodes,
+    interventions,
     participants,
-    researcher_decisions,
     studies,
     study_deletion,
     study_openings,
@@ -46,9 +46,9 @@ def second_version(connection: Connection) -> int:
     shared = episodes.create(connection, episodes.NewEpisode(SPEC, "shared", (one, other), study_id))
     episodes.create(connection, episodes.NewEpisode(SPEC, "nobody's", (None, None), study_id))
     answers.save(connection, answers.SubmittedPage(other, "after", {"partner": 5}, shared))
-    researcher_decisions.exclude(connection, one, None, ("other", "slept"), "anna")
-    researcher_decisions.exclude(connection, other, shared, ("other", "slept"), "anna")
-    researcher_decisions.pause_study(connection, "ring", "anna")
+    interventions.exclude(connection, one, None, ("other", "slept"), "anna")
+    interventions.exclude(connection, other, shared, ("other", "slept"), "anna")
+    interventions.pause_study(connection, "ring", "anna")
     open_from_a_draft(connection, study_id)
     arrivals.count(connection, study_id, arrivals.OPENED)
     enrolment_limits.turn_away(connection, "ring", datetime.now(UTC))
@@ -167,9 +167,9 @@ def test_next_to_a_server_the_study_must_be_paused_or_closed(filled: Database) -
     filled.write_now(study_openings.close_study, "ring", "anna")
     check()
     filled.write_now(open_from_a_draft, 1)
-    filled.write_now(researcher_decisions.pause_study, "ring", "anna")
+    filled.write_now(interventions.pause_study, "ring", "anna")
     check()
-    filled.write_now(researcher_decisions.resume_study, "ring", "anna")
+    filled.write_now(interventions.resume_study, "ring", "anna")
     with pytest.raises(ValueError, match="neither paused nor closed"):
         check()
 

@@ -12,7 +12,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from server.store.database import Database
-from server.web.auth import FORM_S, CsrfProtection, token_for
+from server.web.auth import token_for
+from server.web.csrf import FORM_S, CsrfProtection
 from server.web.participant.study_pages import MAX_ECHOES
 from server.web.security_headers import policy
 from tests.support.page_site import EVERYTHING, SMALL_STUDY, PageSite, Visitor

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from starlette.types import Receive, Scope, Send
 
 from server.settings import Settings
-from server.web.auth import CsrfProtection
+from server.web.csrf import CsrfProtection
 from server.web.public_path import PublicPath
 from tests.support.real_server import ROOT
 

@@ -10,7 +10,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from overcooked.constants import STAY
-from server.store import audit, researcher_decisions
+from server.store import audit, interventions
 from server.store.database import DatabaseDown
 from server.store.tables import admin_sessions
 from tests.support.page_site import PageSite
@@ -77,7 +77,7 @@ def test_a_form_that_was_not_made_for_the_session_changes_nothing(site: PageSite
         headers={"origin": "https://evil.example"},
     )
     assert foreign.status_code == 403
-    assert site.database.read_now(researcher_decisions.paused_studies) == set()
+    assert site.database.read_now(interventions.paused_studies) == set()
 
 
 def test_the_cookie_is_for_our_own_pages_and_no_script_and_changes_with_every_sign_in(site: PageSite) -> None:

@@ -15,7 +15,7 @@ from msgspec import structs
 from overcooked.constants import STAY
 from server.monitoring.enrolment_flow import flow_of, stock
 from server.play.recorder import EpisodeResult, InputRecord, PauseRecord
-from server.store import audit, episodes, inputs, overview, participants, researcher_decisions
+from server.store import audit, episodes, inputs, interventions, overview, participants
 from server.store.database import DatabaseDown
 from server.store.tables import metadata
 from server.web.admin import downloads
@@ -178,7 +178,7 @@ def test_what_the_audit_log_cannot_record_is_not_done(site: PageSite, monkeypatc
     monkeypatch.setattr(audit, "add", down)
     for path in ("/admin/s/small/pause", f"/admin/s/small/person/{person}/release", "/admin/blind"):
         assert researcher.client.post(path, data={"form_token": token, "note": "x", "blind": "off"}).status_code == 503
-    assert site.database.read_now(researcher_decisions.paused_studies) == set()
+    assert site.database.read_now(interventions.paused_studies) == set()
     assert site.only("small").status == "active"
     monkeypatch.undo()
     assert "hidden" in researcher.get(f"/admin/s/small/person/{person}").text, "still in blind mode"
@@ -193,11 +193,11 @@ def test_an_exclusion_needs_a_reason_is_audited_and_can_be_taken_back(site: Page
     assert researcher.post(f"{game}/exclude", reason="because").status_code == 400
     researcher.get(game)
     assert "are excluded" in researcher.post(f"{game}/exclude", reason="not attentive", note="phone", next=game).text
-    (held,) = site.database.read_now(researcher_decisions.exclusions_of, [person])
+    (held,) = site.database.read_now(interventions.exclusions_of, [person])
     assert (held.episode_id, held.reason, held.note) == (episode, "not attentive", "phone")
     assert "not attentive" in researcher.get(page).text
     researcher.post(f"{page}/restore", exclusion=str(held.id), next=page)
-    assert site.database.read_now(researcher_decisions.exclusions_of, [person]) == []
+    assert site.database.read_now(interventions.exclusions_of, [person]) == []
     actions_noted = [entry.action for entry in site.database.read_now(audit.entries)]
     assert actions_noted == ["sign in", "exclude game", "restore participant"]
     assert site.database.read_now(audit.first_forged) is None

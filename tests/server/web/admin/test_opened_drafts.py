@@ -9,7 +9,7 @@ import pytest
 
 from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsal
-from server.store import researcher_decisions
+from server.store import interventions
 from tests.support.draft_site import admin_site_fixture as admin_site_fixture
 from tests.support.draft_site import asked, begun, opened, source
 from tests.support.draft_site import file as file
@@ -22,7 +22,7 @@ def test_opening_a_study_that_is_paused_says_that_nobody_can_join_yet(site: Page
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     opened(researcher, draft, 2)
-    site.database.write_now(researcher_decisions.pause_study, "pilot", "mara")
+    site.database.write_now(interventions.pause_study, "pilot", "mara")
     researcher.post(f"/admin/drafts/{draft}/close", study="pilot")
     assert "Closed, paused" in researcher.get("/admin/s/pilot").text
     assert "but paused: participants can join when you resume it" in opened(researcher, draft, 2)

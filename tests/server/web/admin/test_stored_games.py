@@ -12,7 +12,7 @@ from websockets.sync.client import ClientConnection, connect
 from server.monitoring.alerts import Alerts
 from server.play.games import Games
 from server.play.recorder import EpisodeResult
-from server.store import audit, episodes, researcher_decisions
+from server.store import audit, episodes, interventions
 from server.store.tables import ticks
 from server.web.admin import replay_page
 from tests.support.live_fakes import QuietConnection
@@ -46,7 +46,7 @@ def test_a_game_that_nobody_plays_now_is_paused_and_resumed_in_the_database(site
     assert stored.is_paused
     assert "The game continues." in researcher.post(f"{page}/resume", next=page).text
     assert "Paused by act" not in researcher.page.text
-    assert site.database.read_now(researcher_decisions.paused_games, episode) == set()
+    assert site.database.read_now(interventions.paused_games, episode) == set()
 
 
 def test_an_open_page_of_a_game_follows_who_pauses_it(site: PageSite, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,7 +60,7 @@ def test_an_open_page_of_a_game_follows_who_pauses_it(site: PageSite, monkeypatc
 
     with connect(address, additional_headers={"cookie": cookie}) as socket:
         for by in ("mara", None):
-            site.database.write_now(researcher_decisions.pause_game, episode, by)
+            site.database.write_now(interventions.pause_game, episode, by)
             assert heard(socket, by)
 
 
@@ -83,7 +83,7 @@ def test_resuming_a_game_says_that_its_study_is_still_paused(site: PageSite) -> 
     episode = played(site)
     researcher = signed_in(site, "act")
     page = f"/admin/s/small/game/{episode}"
-    site.database.write_now(researcher_decisions.pause_study, "small", "mara")
+    site.database.write_now(interventions.pause_study, "small", "mara")
     researcher.get(page)
     assert "continues when you resume the study" in researcher.post(f"{page}/resume", next=page).text
 

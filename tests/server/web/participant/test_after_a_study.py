@@ -2,7 +2,7 @@
 
 import pytest
 
-from server.store import participants, researcher_decisions
+from server.store import interventions, participants
 from tests.support.page_site import PageSite, Visitor
 from tests.support.small_site import LINK, walk_to
 
@@ -76,7 +76,7 @@ def test_nobody_new_comes_into_a_study_that_is_not_served_any_more(site: PageSit
 
 
 def test_a_study_that_is_paused_and_closed_has_ended(site: PageSite) -> None:
-    site.database.write_now(researcher_decisions.pause_study, "small", "anna")
+    site.database.write_now(interventions.pause_study, "small", "anna")
     assert Visitor(site).get("/s/small").status_code == 503
     not_served(site, "small")
     assert Visitor(site).get("/s/small").status_code == 409

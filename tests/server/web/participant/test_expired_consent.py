@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from server.web.auth import FORM_S, NOBODY, CsrfProtection
+from server.web.csrf import FORM_S, NOBODY, CsrfProtection
 from tests.support.page_site import SECRET, PageSite, Visitor
 from tests.support.small_site import LINK, PROLIFIC
 

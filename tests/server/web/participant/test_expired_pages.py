@@ -6,7 +6,8 @@ import time
 import pytest
 
 from server.store import answers
-from server.web.auth import FORM_S, CsrfProtection, cookie_name
+from server.web.auth import cookie_name
+from server.web.csrf import FORM_S, CsrfProtection
 from tests.support.page_site import SECRET, PageSite, Visitor
 from tests.support.small_site import walk_to
 

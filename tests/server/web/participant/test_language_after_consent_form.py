@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from server.participation import progress
-from server.store import researcher_decisions
+from server.store import interventions
 from server.store.database import DatabaseDown
 from server.store.enrolment_limits import EnrolmentLimitReached
 from tests.server.web.participant.test_changed_consent import NEW, OLD, open_version
@@ -63,10 +63,10 @@ def test_a_study_that_is_paused_in_the_moment_of_consent_is_tried_again_with_the
 ) -> None:
     visitor = Visitor(site)
     visitor.get(f"/s/small{link(1)}")
-    site.database.write_now(researcher_decisions.pause_study, "small", "mara")
+    site.database.write_now(interventions.pause_study, "small", "mara")
     assert visitor.send("/s/small/consent", visitor.fields("/consent") | {"box_0": "yes"}).status_code == 503
     (again,) = re.findall(r'class="btn" href="([^"]*)"', visitor.page.text)
-    site.database.write_now(researcher_decisions.resume_study, "small", "mara")
+    site.database.write_now(interventions.resume_study, "small", "mara")
     assert visitor.get(unescape(again)).status_code == 200
     assert visitor.fields("/consent")["PROLIFIC_PID"] == f"{1:024x}"
 
