@@ -13,16 +13,16 @@ from tests.support.server_pair import PAIR_STUDY, Pair
 
 
 @pytest.fixture
-def redis() -> Iterator[RedisServer]:
+def own_redis() -> Iterator[RedisServer]:
     server = RedisServer()
     yield server
     server.remove()
 
 
 @pytest.fixture
-def pair(tmp_path: Path, postgres_pool: PostgresPool, redis: RedisServer) -> Iterator[Pair]:
+def pair(tmp_path: Path, postgres_pool: PostgresPool, own_redis: RedisServer) -> Iterator[Pair]:
     with postgres_pool.one() as address:
-        shared: dict[str, Any] = {"database": address, "redis": redis.url}
+        shared: dict[str, Any] = {"database": address, "redis": own_redis.url}
         with (
             LiveServer(tmp_path, 2.0, PAIR_STUDY, **shared) as one,
             LiveServer(tmp_path, 2.0, PAIR_STUDY, **shared) as other,

@@ -143,18 +143,18 @@ async def test_a_paused_game_stays_paused_when_its_page_reaches_another_process(
 async def test_games_continue_without_redis_and_the_dashboard_recovers_with_it(
     pair: Pair,
     bot: Bot,
-    redis: RedisServer,
+    own_redis: RedisServer,
 ) -> None:
     here, there = pair
     game = running(here)
     assert game is not None
     await until(lambda: peers(there))
-    redis.stop()
+    own_redis.stop()
     stood = game.session.simulation.timestep
     await until(lambda: game.session.simulation.timestep > stood + 10)
     assert game.session.phase == "running"
     assert not runs(there, PauseGame(game.episode))
-    redis.start()
+    own_redis.start()
     await until(lambda: peers(there))
 
 
@@ -189,12 +189,12 @@ async def test_the_dashboard_of_each_process_names_the_late_one(pair: Pair, bot:
 
 
 async def test_a_pause_of_a_study_reaches_every_process_although_its_command_is_lost(
-    pair: Pair, bot: Bot, redis: RedisServer
+    pair: Pair, bot: Bot, own_redis: RedisServer
 ) -> None:
     here, there = pair
     game = running(here)
     assert game is not None
-    redis.stop()
+    own_redis.stop()
     services = there.app.state.services
     there.do(lambda: services.web.database.write(interventions.pause_study, "short", "ada"))
     there.do(lambda: services.control.broadcast(PauseStudy("short")))
@@ -255,10 +255,10 @@ class Nobody:
         raise AssertionError(command)
 
 
-async def test_a_process_can_leave_the_others_at_any_moment(redis: RedisServer) -> None:
+async def test_a_process_can_leave_the_others_at_any_moment(own_redis: RedisServer) -> None:
     """Redis' client loses a cancellation that arrives just after a command was sent."""
     for moment in range(60):
-        cluster = Cluster(redis.url, "postgresql://somewhere")
+        cluster = Cluster(own_redis.url, "postgresql://somewhere")
         cluster.start(Nobody())
         for _ in range(moment):
             await asyncio.sleep(0)
@@ -268,13 +268,13 @@ async def test_a_process_can_leave_the_others_at_any_moment(redis: RedisServer) 
 
 
 def test_people_who_play_with_people_need_one_process(
-    tmp_path: Path, postgres_pool: PostgresPool, redis: RedisServer
+    tmp_path: Path, postgres_pool: PostgresPool, own_redis: RedisServer
 ) -> None:
     study = PAIR_STUDY.replace(
         "{name: planner, predictor: sp_predictor_stream}", "{name: other, human: true, predictor: random}"
     )
     study = study.replace("conditions:", "order: {rule: fixed}\nconditions:")
     with postgres_pool.one() as address:
-        live = LiveServer(tmp_path, study=study, database=address, redis=redis.url)
+        live = LiveServer(tmp_path, study=study, database=address, redis=own_redis.url)
         with pytest.raises(StudyError, match="must reach the same process"):
             live.start()
