@@ -114,7 +114,7 @@ class Control:
             case ExtendAbsence(_, seconds):
                 _extend(game, seconds)
             case EndGame():
-                return await self._end(game, "researcher")
+                return await self._end_and_store(game)
         return True
 
     async def _end(self, game: Game, reason: str) -> bool:
@@ -129,6 +129,20 @@ class Control:
             return False
         self._games.abort(game, reason)
         return True
+
+    async def _end_and_store(self, game: Game) -> bool:
+        """End the game for a researcher, who sees next what is stored."""
+        ended = await self._end(game, "researcher")
+        if ended:
+            await self._until_stored([game.episode])
+        return ended
+
+    async def _until_stored(self, over: Sequence[str]) -> None:
+        """Return when the ends of these games are stored, or the database takes too long."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(BUSY_S):
+                while any(self._games.get(episode) is not None for episode in over):
+                    await asyncio.sleep(0.01)
 
     async def end_stored(self, episode: str) -> bool:
         """End an episode that no process plays, also one that can no longer be played. False: it is over, or the
@@ -145,16 +159,13 @@ class Control:
                 return await self._database.write(unplayable_episodes.end, episode)
             except DatabaseDown:
                 return False
-        return await self._end(game, "researcher")
+        return await self._end_and_store(game)
 
     async def _end_all(self, episodes: Sequence[str]) -> int:
         """End those of the games that run here; return when their ends are stored (or the database is away)."""
         running = [game for episode in episodes if (game := await self._running(episode)) is not None]
         over = [game.episode for game in running if await self._end(game, "withdrawn")]
-        with suppress(TimeoutError):
-            async with asyncio.timeout(BUSY_S):
-                while any(self._games.get(episode) is not None for episode in over):
-                    await asyncio.sleep(0.01)
+        await self._until_stored(over)
         return len(over)
 
     def _pause_study(self, study: str) -> int:

@@ -13,6 +13,7 @@ from server.monitoring.alerts import Alerts
 from server.play.games import Games
 from server.play.recorder import EpisodeResult
 from server.store import audit, episodes, interventions
+from server.store.store_recorder import StoreRecorder
 from server.store.tables import ticks
 from server.web.admin import replay_page
 from tests.support.live_fakes import QuietConnection
@@ -111,7 +112,16 @@ def test_a_game_that_nobody_plays_now_is_ended_with_what_was_played(site: PageSi
     assert "already ended" in researcher.post(f"{page}/end", note="again", next=page).text
 
 
-def test_a_released_participant_leaves_no_unfinished_game(site: PageSite, games: Games) -> None:
+def test_a_released_participant_leaves_no_unfinished_game(
+    site: PageSite, games: Games, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = StoreRecorder.end
+
+    async def store_slowly(recorder: StoreRecorder, result: EpisodeResult) -> None:
+        await asyncio.sleep(0.3)
+        await store(recorder, result)
+
+    monkeypatch.setattr(StoreRecorder, "end", store_slowly)
     episode = played(site)
     researcher = signed_in(site, "act")
     person = site.only("small").id
