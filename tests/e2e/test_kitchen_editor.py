@@ -191,6 +191,10 @@ def test_what_was_not_saved_comes_back_and_a_file_is_imported(page: Page, server
     page.fill("#pasted", DICTIONARY.replace('"start_order_list": None', '"cook_time": 5'))
     page.click("#import")
     expect(page.locator("#note")).to_contain_text("Cook_time = 5 is not supported")
+    expect(page.locator("#note")).to_be_in_viewport()
+    page.fill("#pasted", DICTIONARY)
+    page.click("#import")
+    expect(page.locator("#drawing")).to_be_in_viewport(ratio=0.9)
 
 
 @pytest.mark.slow

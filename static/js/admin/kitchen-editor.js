@@ -221,6 +221,7 @@ async function take(text, name = '') {
   const isRagged = new Set(findings.rows.map((row) => row.length)).size > 1;
   note(isRagged ? 'The rows had different lengths. Short ones are filled up with counters.' : '');
   if (list.add(filledUp(findings.rows))) changed();
+  surface.scrollIntoView({ block: 'nearest' });
 }
 
 function listen() {

@@ -34,7 +34,7 @@ export function reasonOf(status, data) {
 }
 
 /**
- * Show what the researcher should know; '' hides it.
+ * Show what the researcher should know, also to somebody who has scrolled down to the files; '' hides it.
  * @param {string} text
  * @param {boolean} bad
  * @param {Node[]} more
@@ -44,6 +44,7 @@ export function note(text, bad = false, ...more) {
   place.hidden = !text;
   place.className = bad ? 'note bad' : 'note';
   place.replaceChildren(text, ...more);
+  if (text) place.scrollIntoView({ block: 'nearest' });
 }
 
 /**
